@@ -89,7 +89,7 @@ CASES: dict[str, tuple[str, dict[str, str]]] = {
     "a period in each row": (text("dt,torque,theta", np.full(SAMPLES, 0.01), U, Q),
                              {"command": "torque", "position_m1": "theta"}),
     "a rate in each row": (
-        text("frame,fps,force_N,pos_mm", np.arange(SAMPLES, dtype=np.float64), np.full(SAMPLES, 100.0), U, Q),
+        text("frame,fps,force_N,pos_mm", np.rint(100.0 * T), np.full(SAMPLES, 100.0), U, Q),
         {"command": "force_N", "position_m1": "pos_mm"},
     ),
     "newton metres in small letters": (text("t,torque_nm,angle_rad", T, U, Q),
