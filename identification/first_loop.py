@@ -6,17 +6,25 @@ The goal alone drives, so that nothing tells the scale: m is counted as 1, and K
 fitted, by least squares over the whole recording in a free run from its first sample, the goal held
 over each sample. A delay tau of whole samples is fitted with them, or K and b would make up for it;
 like friction and limits it is not in the device that is returned, but left for the diagnosis to
-say.
+say. Of the motion the position is compared, or the speed where only that was measured.
+
+A loop on the speed that integrates is the same loop: with the gains k_p and k_i,
+
+    m v' + b v = k_p (g - v) + k_i integral(g - v),
+
+and with Q and G the integrals of v and g, T = k_p / k_i, this is K = k_i, a damper b + k_p, and the
+goal G + T g. The answer is linear in T, which is solved for at every step (`speed_loop`).
 """
 
+import cmath
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
@@ -29,6 +37,9 @@ LATEST_S, MOST_DELAYS = 0.3, 24  # longest delay tried, and how many
 FASTEST = 0.5  # of the loop's frequency [rad/s], over the sampling rate
 STEPS = 60
 
+Left = Callable[[Floats, Floats, Floats, int], Floats]
+"""Goal, motion, logarithms of frequency and damping ratio, delay in samples -> what is left."""
+
 
 @dataclass(frozen=True)
 class FirstLoop:
@@ -40,18 +51,83 @@ class FirstLoop:
     error: float
 
 
+@dataclass(frozen=True)
+class SpeedLoop:
+    """A loop on the speed that integrates: T [s], the delay [s], the error over the motion.
+
+    proportional: the error of one that does not integrate.
+    """
+
+    integral_time: float
+    delay: float
+    error: float
+    proportional: float
+
+
 def first_loop(motions: Sequence[Motion]) -> FirstLoop:
     """Return the loop that recordings of goals and positions ask for.
 
-    Raises RecordingError where they are too short, or have no position of m1.
+    Raises RecordingError where they are too short, or have neither position nor velocity of m1.
     """
     pairs: list[tuple[Floats, Floats]] = []
+    known = (("position", 0), ("velocity", 0))
+    kind = next((k for k in known if all(k in m.quantities for m in motions)), None)
     for motion in motions:
-        if motion.command is None or ("position", 0) not in motion.quantities:
-            raise RecordingError("a loop on the position needs a goal and the position of m1")
-        moved = motion.outputs[:, motion.quantities.index(("position", 0))]
+        if motion.command is None or kind is None:
+            raise RecordingError("a loop on the position needs a goal and the motion of m1")
+        moved = motion.outputs[:, motion.quantities.index(kind)]
         pairs.append((motion.command[:MOST_SAMPLES], moved[:MOST_SAMPLES]))
     period = motions[0].period
+    speed = kind == known[1]
+
+    def left(goal: Floats, moved: Floats, x: Floats, late: int) -> Floats:
+        late_goal = _late(goal, late) - goal[0]
+        columns = _answers([late_goal], x, moved.size, period, speed)
+        return _unexplained(moved - columns[0], columns[1:])
+
+    x, late, error = _fitted(left, pairs, period)
+    frequency, ratio = np.exp(x).tolist()
+    return FirstLoop(frequency**2, 2.0 * ratio * frequency, late * period, error)
+
+
+def speed_loop(goal: Floats, speed: Floats, period: float) -> SpeedLoop:
+    """Return what a loop on the speed is that integrates, goal and speed (samples,) in SI.
+
+    Raises RecordingError where they are too short.
+    """
+    pair = [(goal[:MOST_SAMPLES], speed[:MOST_SAMPLES])]
+
+    def answers(x: Floats, late: int) -> Floats:
+        asked = _late(pair[0][0], late)
+        reached = period * (np.cumsum(asked) - 0.5 * asked)
+        return _answers([reached, asked], x, asked.size, period, True)
+
+    def left(_: Floats, moved: Floats, x: Floats, late: int) -> Floats:
+        columns = answers(x, late)
+        return _unexplained(moved - columns[0], columns[1:])
+
+    x, late, error = _fitted(left, pair, period)
+    reached, *others = answers(x, late)
+    time = float(np.linalg.lstsq(np.transpose(others), pair[0][1] - reached, rcond=None)[0][0])
+
+    def of_first_order(goal: Floats, moved: Floats, x: Floats, late: int) -> Floats:
+        pole = math.exp(-math.exp(float(x[0])) * period)
+        own = lfilter([0.0, 1.0 - pole], [1.0, -pole], _late(goal, late))
+        began = np.asarray(pole ** np.arange(moved.size), dtype=np.float64)
+        columns = np.vstack([own, np.ones(moved.size), began]).astype(np.float64)
+        return _unexplained(moved, columns)
+
+    _, _, without = _fitted(of_first_order, pair, period, (1.0,))
+    return SpeedLoop(time, late * period, error, without)
+
+
+def _fitted(
+    left: Left,
+    pairs: Sequence[tuple[Floats, Floats]],
+    period: float,
+    ratios: Sequence[float] = RATIOS,
+) -> tuple[Floats, int, float]:
+    """Return the logarithms and the delay that leave least, and that over the motion."""
     shortest = min(goal.size for goal, _ in pairs)
     if shortest < LEAST_SAMPLES:
         raise RecordingError(
@@ -60,7 +136,7 @@ def first_loop(motions: Sequence[Motion]) -> FirstLoop:
         )
 
     def residual(x: Floats, late: int) -> Floats:
-        return np.concatenate([_left(goal, moved, x, late, period) for goal, moved in pairs])
+        return np.concatenate([left(goal, moved, x, late) for goal, moved in pairs])
 
     slowest, fastest = 2.0 * math.pi / (shortest * period), FASTEST / period
     latest = min(int(LATEST_S / period), shortest // 4)
@@ -68,40 +144,67 @@ def first_loop(motions: Sequence[Motion]) -> FirstLoop:
     grid = [
         np.array([math.log(w), math.log(ratio)])
         for w in np.geomspace(slowest, fastest, FREQUENCIES)
-        for ratio in RATIOS
+        for ratio in ratios
     ]
     tried = [(float(np.sum(residual(x, d) ** 2)), d, x) for x, d in itertools.product(grid, delays)]
     _, late, best = min(tried, key=lambda one: one[0])
-    step = delays[1] - delays[0] if len(delays) > 1 else 1
     limits = ([math.log(0.5 * slowest), -4.0], [math.log(2.0 * fastest), 4.0])
-    found = [
-        (least_squares(residual, best, args=(d,), max_nfev=STEPS, bounds=limits), d)
-        for d in range(max(0, late - step), min(latest, late + step) + 1)
-    ]
-    fit, late = min(found, key=lambda one: float(one[0].cost))
-    frequency, ratio = np.exp(fit.x).tolist()
+
+    @cache
+    def descended(late: int) -> tuple[float, Floats]:
+        fit = least_squares(residual, best, args=(late,), max_nfev=STEPS, bounds=limits)
+        return 2.0 * float(fit.cost), fit.x
+
+    step = max(1, latest // MOST_DELAYS)
+    while True:  # downhill: each delay asks for a loop of its own, and the grid's is a rough one
+        near = [d for d in (late - step, late, late + step) if 0 <= d <= latest]
+        lower = min(near, key=lambda d: descended(d)[0])
+        if lower == late and step == 1:
+            break
+        late, step = (lower, step) if lower != late else (late, step // 2)
+    left_over, x = descended(late)
     size = math.sqrt(sum(float(np.sum((y - y.mean()) ** 2)) for _, y in pairs)) or 1.0
-    error = math.sqrt(2.0 * float(fit.cost)) / size
-    return FirstLoop(frequency**2, 2.0 * ratio * frequency, late * period, error)
+    return x, late, math.sqrt(left_over) / size
 
 
-def _left(goal: Floats, moved: Floats, x: Floats, late: int, period: float) -> Floats:
-    """Return what the loop leaves of a position, but for where it began and a constant."""
+def _late(goal: Floats, late: int) -> Floats:
+    return np.concatenate([np.full(late, goal[0]), goal[: goal.size - late]])
+
+
+def _answers(goals: Sequence[Floats], x: Floats, count: int, period: float, speed: bool) -> Floats:
+    """Return the loop's answers to goals, a constant, and how it may have begun, each a row.
+
+    Of the position, or of the speed.
+    """
     frequency, ratio = np.exp(x).tolist()
-    rate = np.array([[0.0, 1.0, 0.0], [-(frequency**2), -2.0 * ratio * frequency, frequency**2],
-                     [0.0, 0.0, 0.0]])  # fmt: skip
-    step = expm(rate * period)
-    power, held = step[:2, :2], step[:2, 2]
+    power = _over_a_sample(frequency, ratio, period)
+    held = np.array([1.0, 0.0]) - power[:, 0]  # to where a goal that is held would bring it
     poles = [1.0, -float(np.trace(power)), float(np.linalg.det(power))]
-    zeros = [0.0, float(held[0]), float(power[0, 1] * held[1] - power[1, 1] * held[0])]
-    asked = np.concatenate([np.full(late, goal[0]), goal[: goal.size - late]]) - goal[0]
-    answered = lfilter(zeros, poles, asked)
-    impulse = np.zeros(moved.size)
+    own, other = (1, 0) if speed else (0, 1)
+    zeros = [0.0, float(held[own]),
+             float(power[own, other] * held[other] - power[other, other] * held[own])]  # fmt: skip
+    impulse = np.zeros(count)
     impulse[0] = 1.0
     began = lfilter([1.0], poles, impulse)
-    basis = np.column_stack([np.ones(moved.size), began, np.append(0.0, began[:-1])])
-    left = np.asarray(moved - answered, dtype=np.float64)
-    if not (np.all(np.isfinite(basis)) and np.all(np.isfinite(left))):
-        return np.full(moved.size, 1e6)
-    norms = np.linalg.norm(basis, axis=0)
-    return left - basis @ (np.linalg.lstsq(basis / norms, left, rcond=1e-9)[0] / norms)
+    answers = [lfilter(zeros, poles, goal) for goal in goals]
+    return np.vstack([*answers, np.ones(count), began, np.append(0.0, began[:-1])])
+
+
+def _over_a_sample(frequency: float, ratio: float, period: float) -> Floats:
+    """Return the exponential of the loop's matrix over a period, (2, 2), in closed form."""
+    decay = ratio * frequency
+    root = cmath.sqrt(decay**2 - frequency**2) or 1e-12 * frequency
+    slow, fast = cmath.exp((root - decay) * period), cmath.exp(-(root + decay) * period)
+    even, odd = (0.5 * (slow + fast)).real, ((slow - fast) / (2.0 * root)).real
+    return np.array([
+        [even + decay * odd, odd],
+        [-(frequency**2) * odd, even - decay * odd],
+    ])  # fmt: skip
+
+
+def _unexplained(wanted: Floats, columns: Floats) -> Floats:
+    """Return what rows leave of what is wanted, large where they overflow."""
+    if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(wanted))):
+        return np.full(wanted.size, 1e6)
+    basis, _ = np.linalg.qr(columns.T)
+    return wanted - basis @ (basis.T @ wanted)

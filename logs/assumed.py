@@ -60,10 +60,13 @@ Ask = Callable[[str, Sequence[str], str], str]
 GOAL_OF_LOOP, BARE_GOAL, MEASURED, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 6.2, 6.5, 7.5, 8.0
 """Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed. A
 torque or a current that was measured comes after the goal of the loop that makes it."""
+SPEED_GOAL = "is a speed to go to"  # in the doubt that `zwidth/speed_loops.py` makes good
 OF_AMPLIFIER = {"current": "A", "voltage": "V"}
 MOTIONS = ("position", "velocity")
 NO_COMMAND = ("other", "acceleration", "error")
 PERIOD_S = 0.001
+DAYS = ((36_526.0, 73_050.0), (730_486.0, 767_010.0))  # 2000 to 2100 in Excel, and in MATLAB
+SHORTEST_S = 2e-5  # steps below which a number of that size counts days: 1.7 s of them
 FEWEST = 10  # samples in a column, below which nothing is guessed from them
 TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
 LEAST_LINES, MOST_LINES = 100.0, 1e7  # of an encoder, a turn
@@ -181,6 +184,7 @@ class _Reader:
         self.rows = row_count(source)
         self.found = Assumed()
         self.goal = False
+        self.speed = False  # whether the command is the goal of a loop on the speed
         self.counted = False  # whether the position is in counts
         self.t = np.empty(0)
         self.clock: list[str] = []  # the line of a period that a speed tells
@@ -290,6 +294,11 @@ class _Reader:
             return unit
         steps = np.diff(values)
         step = float(np.median(steps[steps > 0.0]))
+        if step < SHORTEST_S and any(least < float(values[0]) < most for least, most in DAYS):
+            self.found.doubts.append(
+                f"{time.name} counts days, as Excel and MATLAB write a date: taken as days"
+            )
+            return "day"
         likely = next(u for u, least in (("ns", 1e5), ("us", 200.0), ("ms", 0.5), ("s", 0.0))
                       if step >= least)  # fmt: skip
         if likely != "s":
@@ -593,7 +602,11 @@ class _Reader:
                 self.found.doubts.append(
                     f"{_words(known[:8])} may each be the command: {chosen} is taken for it"
                 )
-            self.goal = ranked[chosen][0] in (GOAL_OF_LOOP, BARE_GOAL) and moves == "position"
+            goal = ranked[chosen][0] in (GOAL_OF_LOOP, BARE_GOAL)
+            self.goal = goal and moves == "position"
+            bare = self.names[chosen].weak and unit_spelled(self.source.signals[chosen]) is None
+            self.speed = moves == "velocity" and bare and self._follows(chosen, motion)
+            self.speed |= (goal and not self.goal) or ranked[chosen][0] == GOAL_OF_SPEED
             return chosen
         return self._unnamed_command(outputs)
 
@@ -675,6 +688,8 @@ class _Reader:
         return {**told, key: replace(motion, scale=None, per=per, note=note)}
 
     def _driven(self, command: str, rotary: bool, motion: Channel) -> Channel:
+        if self.speed:
+            return self._speed_goal(command, rotary, motion)
         if not self.goal:
             return self._channel(command, "command", rotary)
         signal, own = self.source.signals[command], GOAL[0 if rotary else 1]
@@ -691,6 +706,22 @@ class _Reader:
             spelled = own
         self.found.roles.append(("goal", f"{command} [{spelled}], of a loop on the position"))
         return Channel(command, spelled)
+
+    def _speed_goal(self, name: str, rotary: bool, motion: Channel) -> Channel:
+        """Return a command that is a speed to go to, in proportion to which a loop drives."""
+        own, per = SI["command"][0 if rotary else 1], SI["velocity"][0 if rotary else 1]
+        unit, spelled = _unit(self.source.signals[name]), unit_spelled(self.source.signals[name])
+        if unit is None or unit.si not in (per, f"{COUNTS}/s"):
+            moved = find_unit(motion.unit) if motion.unit else None
+            spelled = motion.unit if moved is not None and moved.si == per else per
+            self.found.doubts.append(f"{name} has no unit: {spelled} is assumed, as of the speed")
+        self.found.doubts.append(
+            f"{name} {SPEED_GOAL}: a loop in proportion to the error of the speed is taken, of 1"
+            f" {own} per {per}, so masses and friction are counted in what it gives, and the damper"
+            " holds its gain"
+        )
+        self.found.roles.append(("command", f"{name} [{spelled}], of a loop on the speed"))
+        return Channel(name, spelled, 1.0, f"{own} per {per}: of the loop, not known")
 
     def _channel(self, name: str, quantity: str, rotary: bool) -> Channel:
         signal = self.source.signals[name]
@@ -724,13 +755,6 @@ class _Reader:
             else:
                 channel = Channel(name, None, None, f"no unit is given: {own} is assumed")
                 self._say_assumed(signal, quantity, own)
-        elif quantity == "command" and unit.si in SI["velocity"]:
-            channel = Channel(name, spelled, 1.0, f"{own} per {unit.si}: of the loop, not known")
-            self.found.doubts.append(
-                f"{name} is a speed to go to: a loop in proportion to the error of the speed is"
-                f" taken, of 1 {own} per {unit.si}, so masses and friction are counted in what it"
-                " gives, and the damper holds its gain; what integrates in it is not"
-            )
         elif unit.si in SI[quantity] and unit.si == own:
             channel = Channel(name, spelled)
             self._say_doubts(signal, str(spelled), unit)

@@ -17,7 +17,7 @@ LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 class Converted:
     """values (samples,) in SI. rotary: what the unit shows, None where it does not.
 
-    goal: whether they are positions to go to.
+    goal: whether they are positions to go to, or speeds that `integrated` makes such positions of.
     """
 
     values: Floats
@@ -47,14 +47,29 @@ def convert(entry: Entry, signal: Signal) -> Converted:
             values = values if factor == 1.0 else values * factor
         values = values if entry.offset == 0.0 else values + entry.offset
         values = values if entry.over == 1.0 else values / entry.over
-    goal = entry.quantity == "command" and unit.si in GOAL and entry.scale is None
-    own = GOAL if goal else QUANTITIES.get(entry.quantity, ("", ""))
+    speed = entry.integral_time is not None
+    goal = speed or (entry.quantity == "command" and unit.si in GOAL and entry.scale is None)
+    own = SI["velocity"] if speed else GOAL if goal else QUANTITIES.get(entry.quantity, ("", ""))
     shows = bool(unit.si) and entry.scale is None and entry.quantity not in OF_DRIVE
     rotary = unit.si == own[0] if shows else None
     formula = _formula(entry, signal, unit, scale)
     notes = [signal.note] if signal.note else []
     remarks = (*notes, *warnings, *_remarks(entry, values))
     return Converted(values, rotary, formula, remarks, goal)
+
+
+def integrated(goal: Floats, t: Floats, integral_time: float) -> Floats:
+    """Return the position that a loop on the speed goes to: its goal's integral, and T times it.
+
+    goal (samples,) is held from sample to sample, and so is what is returned: at the integral's
+    mean over each. Where a goal lacks, the last one goes on in the integral, and NaN stands.
+    """
+    known = np.isfinite(goal)
+    last = np.maximum.accumulate(np.where(known, np.arange(goal.size), 0))
+    held = np.where(np.isfinite(goal[last]), goal[last], 0.0)
+    steps = np.maximum(np.diff(t, append=2.0 * t[-1] - t[-2] if t.size > 1 else t[-1]), 0.0)
+    reached = np.cumsum(held * steps)
+    return np.where(known, reached - 0.5 * held * steps + integral_time * held, np.nan)
 
 
 def _refuse_beyond(entry: Entry, raw: Floats, modulus: float) -> None:
@@ -107,6 +122,8 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
 
 def _allowed(entry: Entry) -> tuple[str, ...]:
     """Return the SI units that a channel may be in."""
+    if entry.integral_time is not None:
+        return SI["velocity"]
     return (*QUANTITIES[entry.quantity], *(GOAL if entry.quantity == "command" else ()))
 
 

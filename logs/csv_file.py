@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.logs.cells import BLANKS, NOT_A_NUMBER, Tally, number_in
+from zwidth.logs.cells import BLANKS, NOT_A_NUMBER, Tally, brief, number_in
 from zwidth.logs.csv_form import (
+    MOST_COLUMNS,
     NOTHING_SAID,
     SNIFFED,
     CsvOptions,
@@ -30,6 +31,8 @@ from zwidth.logs.written_time import is_date, nanoseconds_of
 
 ABOUT = "# zwidth "  # begins the line of JSON in a file of our own
 COMMENTS = ("#", "%", "//")
+MOST_WORDS = 64  # of a column that tells what each row is of
+TORN, SPOKEN = 0.01, 0.1  # of the rows, that may be spoiled, and that may be words
 
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
@@ -59,11 +62,14 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
         raise RecordingError(f"{path.name} has column names but no line of numbers")
     if form.decimal == "," and len(form.names) == 1 and any("," in row for row in rows[:SNIFFED]):
         notes.append('one column with decimal commas is read; if it is two, say delimiter = ","')
-    columns = _columns(path, rows, numbers, form)
+    rows, numbers, note = _whole_rows(path, rows, numbers, form)
+    notes += [note] if note else []
+    columns = _columns(rows, numbers, form)
     signals: dict[str, Signal] = {}
     unreadable: dict[str, str] = {}
     texts = [j for j, column in enumerate(columns) if isinstance(column, str)]
     times = _times(rows, form, texts)
+    words = {form.names[j]: _words(rows, form, j) for j in texts if j not in times}
     for j, (name, unit, column) in enumerate(zip(form.names, form.units, columns, strict=True)):
         if j in times:
             name = name or f"column{j + 1}"
@@ -71,13 +77,18 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
             signals[name] = Signal(name, values, "ns", lost=lost if lost.any() else None)
             continue
         if isinstance(column, str):
-            unreadable[name] = column
+            if (lists := _lists(rows, form, j)) is None:
+                unreadable[name] = column
+                continue
+            for k in range(lists.shape[1]):
+                signals[f"{name}[{k}]"] = Signal(f"{name}[{k}]", lists[:, k], unit)
             continue
         values, note = column
         if name or not np.isnan(values).all():  # a delimiter at the end of every line names none
             name = name or f"column{len(signals) + 1}"
             signals[name] = Signal(name, values, unit, note=note)
-    return Source(path, _kind(form), signals, unreadable, tuple(notes), about)
+    told = {name: column for name, column in words.items() if column is not None}
+    return Source(path, _kind(form), signals, unreadable, tuple(notes), about, texts=told)
 
 
 def decoded(path: Path, data: bytes) -> str:
@@ -114,14 +125,12 @@ def _lines(text: str) -> Lines:
     return Lines([line for line, _ in numbered], [number for _, number in numbered], comments)
 
 
-def _columns(
-    path: Path, rows: list[str], numbers: Sequence[int], form: Form
-) -> list[tuple[Floats, str] | str]:
+def _columns(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[Floats, str] | str]:
     """Return each column as float64 with its note, or the sentence that says why it is text."""
     try:
         return [(column, "") for column in _fast(rows, form)]
     except ValueError:  # a text, a ragged line, a plus sign: the slow way says which, or reads it
-        return _slow(path, rows, numbers, form)
+        return _slow(rows, numbers, form)
 
 
 def _fast(rows: list[str], form: Form) -> Iterable[Floats]:
@@ -148,20 +157,12 @@ def _fast(rows: list[str], form: Form) -> Iterable[Floats]:
     return [table[c].to_numpy(zero_copy_only=False).astype(np.float64) for c in columns]
 
 
-def _slow(
-    path: Path, rows: list[str], numbers: Sequence[int], form: Form
-) -> list[tuple[Floats, str] | str]:
+def _slow(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[Floats, str] | str]:
     width = len(form.names)
     table = np.full((width, len(rows)), np.nan)
     tallies = [Tally() for _ in range(width)]
     for i, row in enumerate(rows):
-        cells = cells_of(row, form.delimiter)
-        if len(cells) != width:
-            raise RecordingError(
-                f"{path.name}: line {numbers[i]} has {len(cells)} cells where the table has"
-                f" {width}; mend the line, or name delimiter and decimal in [csv]"
-            )
-        for j, cell in enumerate(cells):
+        for j, cell in enumerate(cells_of(row, form.delimiter)):
             if cell in BLANKS:
                 continue
             value = number_in(cell, form.decimal)
@@ -195,6 +196,61 @@ def _times(
         if (times := nanoseconds_of(cells)) is not None:
             found[j] = times
     return found
+
+
+def _words(rows: list[str], form: Form, column: int) -> NDArray[np.str_] | None:
+    """Return a column of few different words, (rows,), None for any other."""
+    found = [cells_of(row, form.delimiter)[column].strip('"') for row in rows]
+    return np.array(found) if 2 <= len(set(found)) <= MOST_WORDS else None
+
+
+def _lists(rows: list[str], form: Form, column: int) -> Floats | None:
+    """Return the numbers of cells that are lists of equal length, (rows, length); None for others.
+
+    "[0.1, 0.2]" as pandas writes a list, "[0.1 0.2]" as it writes an array.
+    """
+    found: list[list[float]] = []
+    for row in rows:
+        cell = cells_of(row, form.delimiter)[column].strip('"')
+        if not (cell.startswith("[") and cell.endswith("]")):
+            return None
+        numbers = [number_in(part, ".") for part in cell[1:-1].replace(",", " ").split()]
+        if None in numbers or not 0 < len(numbers) <= MOST_COLUMNS:
+            return None
+        found.append([number for number in numbers if number is not None])
+        if len(found[-1]) != len(found[0]):
+            return None
+    return np.array(found, dtype=np.float64)
+
+
+def _whole_rows(
+    path: Path, rows: list[str], numbers: Sequence[int], form: Form
+) -> tuple[list[str], Sequence[int], str]:
+    """Return the rows that have a cell for each column, and what is said of the others.
+
+    Words of a board between its rows are left out, and of rows that a serial line spoiled a few.
+    Raises RecordingError where more are spoiled.
+    """
+    if form.delimiter != " " and all(
+        row.count(form.delimiter) == len(form.names) - 1 for row in rows
+    ):
+        return rows, numbers, ""
+    cells = [cells_of(row, form.delimiter) for row in rows]
+    torn = [i for i, row in enumerate(cells) if len(row) != len(form.names)]
+    if not torn:
+        return rows, numbers, ""
+    counted = [i for i in torn if any(number_in(c, form.decimal) is not None for c in cells[i])]
+    if len(counted) > TORN * len(rows) or len(torn) > SPOKEN * len(rows):
+        i = (counted or torn)[0]
+        raise RecordingError(
+            f"{path.name}: line {numbers[i]} has {len(cells[i])} cells where the table has"
+            f" {len(form.names)}; mend the line, or name delimiter and decimal in [csv]"
+        )
+    left = set(torn)
+    kept = [i for i in range(len(rows)) if i not in left]
+    few = "1 line is no row" if len(torn) == 1 else f"{len(torn)} lines are no rows"
+    note = f"{few} of the table and left out, first line {numbers[torn[0]]}, {brief(rows[torn[0]])}"
+    return [rows[i] for i in kept], [numbers[i] for i in kept], note
 
 
 def _text(tally: Tally, column: int) -> str:

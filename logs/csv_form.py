@@ -28,6 +28,10 @@ BEGINS_A_NUMBER = re.compile(r"[+-]?[.,]?\d")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
 
 
+OBJECT = re.compile(r"(?:0x)?\d[0-9A-Fa-f]{3}h?(?::\w{1,4})?h?$")
+"""The index of an object of a CANopen or EtherCAT drive, "Position actual value (6064h)"."""
+
+
 @dataclass(frozen=True)
 class CsvOptions:
     """What the recording TOML says about a text table; None where it says nothing."""
@@ -141,9 +145,17 @@ def _header(lines: Lines, first: int, delimiter: str, width: int) -> list[tuple[
     above = [(i, cells_of(lines.text[i], delimiter)) for i in range(max(0, first - 2), first)]
     open_ended = first < len(lines.text) and lines.text[first].rstrip().endswith(delimiter)
     rows = [(i, c) for i, c in above if len(c) == width or (open_ended and len(c) == width - 1)]
-    if len(rows) == 2 and not all(cell == "" or _unit_of(cell) for cell in rows[1][1]):
+    if len(rows) == 2 and not _are_units(rows[0][1], rows[1][1]):
         return rows if _is_of_groups(rows[0][1], rows[1][1]) else rows[1:]
     return rows
+
+
+def _are_units(names: Sequence[str], cells: Sequence[str]) -> bool:
+    """Return whether a line has the units of the names above it, some of which may be unknown."""
+    spoken = [cell for cell in cells if cell]
+    known = sum(map(_unit_of, spoken))
+    full = all(names) and len(set(names)) == len(names) and not any(map(_unit_of, names))
+    return known == len(spoken) or (full and 2 * known > len(spoken))
 
 
 def _is_of_groups(upper: Sequence[str], lower: Sequence[str]) -> bool:
@@ -182,7 +194,8 @@ def _names(header: list[list[str]], width: int) -> tuple[list[str], list[str]]:
     for i, name in enumerate(names):
         matched = NAME_AND_UNIT.match(name)
         if matched and not matched["unit"].strip().isdigit():  # "pos (1)": a motor
-            names[i], units[i] = matched["name"], matched["unit"].strip()
+            unit = matched["unit"].strip()
+            names[i], units[i] = matched["name"], "" if OBJECT.match(unit) else unit
         elif len(padded) == 2:
             units[i] = padded[1][i].strip("[]() ")
     for i, name in enumerate(names):

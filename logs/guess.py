@@ -23,12 +23,23 @@ from zwidth.logs.units import SI, UNITS, Unit, find_unit
 LEAST_SAMPLES = 3
 OF_A_MOTOR = ("v", "u", "i")  # V_m is no length
 YEAR_2001, YEAR_2100 = 978_307_200.0, 4_102_444_800.0  # seconds since 1970
+CALENDARS = (
+    ("s", 1.0, 0.0),
+    ("ms", 1e3, 0.0),
+    ("us", 1e6, 0.0),
+    ("ns", 1e9, 0.0),
+    ("100ns", 1e7, 62_135_596_800.0),  # .NET: since the year 1
+    ("100ns", 1e7, 11_644_473_600.0),  # Windows: since 1601
+)
+"""Unit, how many of it a second has, and seconds from the calendar's beginning to 1970."""
 PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingperiod", "timestep",
            "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
 RATES = ("fs", "hz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps")
 MOST_BACK = 0.05  # of its steps, by which a time may go back
 COUNTED = 0.9  # share of equal steps, above which a counter counts rows, and starts anew
 MOST_SENTENCES = 8
+TICKS = {"ticks", "tick", "filetime"}  # which a clock of Windows counts as well as an encoder
+SCATTER = 0.2  # of its mean, that a period written in each row may have
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
     "V": "command",
     "A": "command",
@@ -124,13 +135,11 @@ def _core(signal: Signal) -> str:
     if signal.unit or spelled is None:
         return signal.name
     short = _tails(signal.name)
-    return next((core for core, tail in short if tail == spelled), signal.name)
+    return next((core for core, tail in short if _of_torque(tail, core) == spelled), signal.name)
 
 
 def unit_seen(signal: Signal) -> Unit | None:
     """Return the unit in brackets, or at the end of the name ("angle_deg", "speed_rad_s")."""
-    if signal.unit:
-        return find_unit(signal.unit)
     spelled = unit_spelled(signal)
     return None if spelled is None else find_unit(spelled)
 
@@ -142,8 +151,13 @@ def unit_spelled(signal: Signal) -> str | None:
     capital ("posDeg"). "in" is an input more often than an inch.
     """
     if signal.unit:
-        return signal.unit if find_unit(signal.unit) else None
-    return next((tail for _, tail in _tails(signal.name)), None)
+        return _of_torque(signal.unit, signal.name) if find_unit(signal.unit) else None
+    return next((_of_torque(tail, core) for core, tail in _tails(signal.name)), None)
+
+
+def _of_torque(spelled: str, core: str) -> str:
+    """Return a unit as it stands, but "nm" of a torque as Nm: no torque is in nanometres."""
+    return "Nm" if spelled == "nm" and read_name(core).quantity == "torque" else spelled
 
 
 def _tails(name: str) -> list[tuple[str, str]]:
@@ -211,9 +225,9 @@ def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
 
 
 def since_1970(stamp: float) -> str | None:
-    """Return the unit in which a stamp counts since 1970, by the year it gives, or None."""
-    for unit, each in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
-        if YEAR_2001 <= stamp / each <= YEAR_2100:
+    """Return the unit in which a stamp counts since its calendar began, by the year, or None."""
+    for unit, each, before in CALENDARS:
+        if YEAR_2001 <= stamp / each - before <= YEAR_2100:
             return unit
     return None
 
@@ -225,17 +239,13 @@ def period_told(source: Source) -> tuple[float, str] | None:
     length.
     """
     for signal in source.signals.values():
-        words = words_of(signal.name)
-        if signal.values.size != 1 or not signal.known.all():
-            continue
-        value, joined = float(signal.floats()[0]), "".join(words[::-1])
-        if not 0.0 < value < np.inf:
+        joined, value = "".join(words_of(signal.name)[::-1]), _steady(signal)
+        if value is None:
             continue
         unit = unit_seen(signal)
         if joined.endswith(PERIODS):
-            return value * (
-                unit.factor if unit is not None and unit.si == "s" else 1.0
-            ), signal.name
+            own = unit.factor if unit is not None and unit.si == "s" else None
+            return float(f"{value * (own or _likely(value, signal)):.9g}"), signal.name
         if joined.endswith(RATES):
             return 1.0 / value, signal.name
     for signal in source.signals.values():
@@ -248,9 +258,30 @@ def period_told(source: Source) -> tuple[float, str] | None:
     return None
 
 
+def _steady(signal: Signal) -> float | None:
+    """Return the number that a signal holds, also one repeated in each row with little scatter.
+
+    None for what is no one number above 0.
+    """
+    values = signal.floats()[signal.known]
+    if not values.size or not values.min() > 0.0 or (values.size == 1 < signal.values.size):
+        return None
+    mean = float(np.mean(values))
+    return mean if mean < np.inf and float(np.std(values)) <= SCATTER * mean else None
+
+
+def _likely(value: float, signal: Signal) -> float:
+    """Return of what unit [s] a period without one is: a column of 10 is hardly of seconds."""
+    if signal.values.size == 1:
+        return 1.0
+    return 1.0 if value < 0.5 else 1e-3 if value < 200.0 else 1e-6
+
+
 def _is_named_time(signal: Signal) -> bool:
     unit = unit_seen(signal)
     said = read_name(_core(signal)).quantity
+    if TICKS & {*words_of(signal.name)} and signal.known.any():
+        return since_1970(float(signal.floats()[signal.known][0])) == "100ns"
     return said != "other" and (said == "time" or (unit is not None and unit.si == "s"))
 
 

@@ -4,6 +4,7 @@
     t=0.01, q=0.2
     I (1000) motor: q=0.2                                   ESP-IDF: milliseconds
     2025-03-04 12:00:01,234 INFO servo goal=2048 pos=2047   Python's logging
+    INFO:root:goal=2048 pos=2047                            the same, as it is unless told
     12:34:56.789 -> 0.50,0.48                               Arduino's serial monitor
     [INFO] [1741089600.25]: q=0.2                           ROS 1
 
@@ -29,6 +30,7 @@ BEFORE = re.compile(
     rf"\s*(?:->|[|:>-])?\s*(?:{LEVEL}\s*[|:-]?\s*)?(?P<rest>[^,;\t]?.*)$"
 )
 ARROW = re.compile(rf"\s*(?P<clock>{CLOCK}) -> (?P<rest>.*)$")
+LOGGER = re.compile(r"\s*(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR|CRITICAL):[\w.]*:\s*(?=\S)")
 TIME, MILLISECONDS = "timestamp", "log_time_ms"
 LOOKED_AT = 50  # lines
 SHARE = 0.8  # of them, that must be such lines
@@ -82,7 +84,7 @@ def _apart(line: str) -> tuple[str, str, str] | None:
     if before := BEFORE.match(line):
         stamp = before["seconds"] or before["clock"].replace(",", ".")
         return TIME, stamp, before["rest"]
-    return "", "", line
+    return "", "", LOGGER.sub("", line, count=1)
 
 
 def _behind_arrows(lines: Sequence[str]) -> str | None:

@@ -7,7 +7,13 @@
 
 as loggers of a bus write them. Each quantity of each motor becomes a signal, "position 1", with the
 times of its own rows. A column that hardly changes from row to row, as the number of an episode
-does, is left as it is.
+does, is left as it is. A column of words may tell the same, a joint or a topic:
+
+    time, topic, value
+    0.0000, /cmd/torque, 0.12
+    0.0004, /joint/position, 1.04
+
+and where one value stands beside them, the words alone are the name.
 """
 
 from collections.abc import Mapping
@@ -20,6 +26,8 @@ from zwidth.logs.names import words_of
 from zwidth.logs.source import Signal, Source
 
 IDS = {"id", "ids", "motorid", "servoid", "jointid", "nodeid", "canid", "axisid", "deviceid"}
+TOPICS = {"topic", "signal", "channel", "name", "variable", "field", "key", "series", "measurement"}
+VALUES = {"value", "values", "val", "data", "reading"}
 OF_MANY = {"motor", "servo", "joint", "axis", "node", "actuator", "device"}
 MOST = 64  # motors
 FEWEST = 10  # rows of each
@@ -32,21 +40,35 @@ def apart(source: Source) -> Source:
     """Return a table with its motors apart, any other source as it is."""
     if any(signal.stamps for signal in source.signals.values()):
         return source
-    found = next((s for s in source.signals.values() if _tells_the_motor(s)), None)
     time, _ = time_seen(source)
-    if found is None or time is None or time is found or not time.known.all():
+    found = next((s for s in source.signals.values() if _tells_the_motor(s)), None)
+    told = next((n for n, words in source.texts.items() if _tells_the_topic(n, words)), None)
+    if (found is None and told is None) or time is None or time is found or not time.known.all():
         return source
+    of = source.texts[str(told)] if found is None else found.values
+    name = str(told) if found is None else found.name
     unit = unit_seen(time)
-    told = since_1970(float(time.floats()[0]))
-    factor = unit.factor if unit is not None and unit.si == "s" else DIVISORS.get(told or "s", 1.0)
+    since = since_1970(float(time.floats()[0]))
+    factor = unit.factor if unit is not None and unit.si == "s" else DIVISORS.get(since or "s", 1.0)
     seconds = seconds_of(time, factor)
     signals: dict[str, Signal] = {}
-    for motor in np.unique(found.values).tolist():
-        rows = found.values == motor
+    for one in np.unique(of).tolist():
+        rows = of == one
         stamps = np.rint(np.asarray(seconds[rows]) * NANOSECONDS).astype(np.int64)
-        signals |= _of_motor(source.signals, f"{motor:g}", rows, stamps, (time.name, found.name))
-    note = f"{found.name} tells of which motor each row is: they are taken apart"
-    return replace(source, signals=signals, notes=(*source.notes, note))
+        own = one if isinstance(one, str) else f"{one:g}"
+        signals |= _of_motor(source.signals, own, rows, stamps, (time.name, name))
+    note = f"{name} tells of what each row is: they are taken apart"
+    return replace(source, signals=signals, notes=(*source.notes, note), texts={})
+
+
+def _tells_the_topic(name: str, words: np.ndarray) -> bool:
+    own = set(words_of(name))
+    joined = "".join(words_of(name)[::-1])
+    if not (own & (TOPICS | OF_MANY) or joined in IDS):
+        return False
+    topics, counts = np.unique(words, return_counts=True)
+    turns = float(np.mean(words[1:] != words[:-1]))
+    return 2 <= topics.size <= MOST and int(counts.min()) >= FEWEST and turns > IN_TURN
 
 
 def _tells_the_motor(signal: Signal) -> bool:
@@ -69,10 +91,12 @@ def _of_motor(
     left_out: tuple[str, str],
 ) -> dict[str, Signal]:
     found: dict[str, Signal] = {}
-    for name, signal in signals.items():
-        if name in left_out or signal.values.size != rows.size:
-            continue
-        own = f"{name} {motor}"
+    kept = [n for n, s in signals.items() if n not in left_out and s.values.size == rows.size]
+    kept = [n for n in kept if signals[n].known[rows].any()]
+    for name in kept:
+        signal = signals[name]
+        only = kept == [name] and not VALUES.isdisjoint(words_of(name)) and not motor.isdigit()
+        own = motor if only else f"{name} {motor}"
         lost = None if signal.lost is None else signal.lost[rows]
         found[own] = replace(
             signal, name=own, values=signal.values[rows], lost=lost, stamps={"stamp": stamps}

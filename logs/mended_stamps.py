@@ -3,7 +3,9 @@
 A clock that counts in steps longer than the sampling period gives several samples one stamp. Where
 a line through stamps over sample numbers misses none by more than such a step, samples were even,
 and the line says when; else those of one stamp are spread over the time to the next. A counter that
-starts anew goes back by the same amount every time, and the stamps then go on.
+starts anew goes back by the same amount every time, and the stamps then go on. Where a clock begins
+anew where it began, with runs of any length, those are runs one after another, as the episodes of
+a data set are: between them is a gap, which nothing bridges.
 """
 
 import numpy as np
@@ -14,17 +16,54 @@ from zwidth.logs.timing import times
 Floats = NDArray[np.float64]
 SHARED = 0.1  # of all samples, that must repeat a stamp
 ANEW = 0.5  # of the stamps' range, that a counter goes back by at least
+FEWEST = 10  # samples of a run
+BITS, EACH = (8, 10, 12, 15, 16, 20, 24, 31, 32), (1.0, 1e-3, 1e-6, 1e-7, 1e-9)
 ALIKE = 0.02  # by which the steps back of a counter may differ
 
 
 def mended(t: Floats) -> tuple[Floats, str]:
     """Return stamps t [s], finite, (samples,), mended, and a sentence; "" where as they are."""
     said: list[str] = []
-    t, note = _gone_on(t)
+    t, note = _runs(t) or _gone_on(t)
     said += [note] if note else []
     t, note = _spread(t)
     said += [note] if note else []
     return t, "; ".join(said)
+
+
+def _runs(t: Floats) -> tuple[Floats, str] | None:
+    """Return runs that all begin at one stamp as one after another, None for any other clock.
+
+    A counter that wraps may begin at 0, too: its range is a power of two.
+    """
+    steps = np.diff(t)
+    with np.errstate(over="ignore", invalid="ignore"):
+        back = np.flatnonzero(steps < 0.0)
+        begins = np.concatenate(([0], back + 1))
+        forward = steps[steps > 0.0]
+        if back.size == 0 or np.diff([*begins, t.size]).min() < FEWEST or forward.size == 0:
+            return None
+        usual = float(np.median(forward))
+        if np.any(np.abs(t[begins] - t[0]) > 0.5 * usual):
+            return None
+        lengths = t[back] - t[back + 1] + usual
+        if back.size > 1 and np.ptp(lengths) <= ALIKE * lengths[0] and _binary(lengths[0], usual):
+            return None
+        gap = max(1.0, 100.0 * usual)
+        turns = np.zeros(t.size)
+        turns[back + 1] = lengths + gap
+        whole = t + np.cumsum(turns)
+    if not np.all(np.isfinite(whole)):
+        return None
+    return whole, (
+        f"the clock begins anew at {t[0]:.6g} s, {times(back.size)}: {back.size + 1} runs are"
+        " taken, one after another"
+    )
+
+
+def _binary(size: float, usual: float) -> bool:
+    """Whether it is the range of a counter of bits in s, ms, us, ns or ticks of 100 ns."""
+    return any(abs(size - 2.0**bits * each) <= 1.5 * usual for bits in BITS for each in EACH)
 
 
 def _gone_on(t: Floats) -> tuple[Floats, str]:

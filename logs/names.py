@@ -26,6 +26,7 @@ PARAMETER = re.compile(r"\b[rp]\d{2,5}(?:\[\d+\])?:?\s+(?=[A-Za-z])")
 OUTPUTS = ("output", "outputs", "out")  # of a system, or of its controller
 SIDES = frozenset(("motor", "load", "link", "d"))
 NUMBERED = ("id", "no", "nr")  # before a number they say of which, "ID:001 Present Position"
+FIRST_OF_SCRIPTS = "\u3040"  # of Japanese, Chinese and Korean: no blanks between words
 SHORTEST = 3  # letters of a word within a compound
 CLOSE = frozenset(
     ("joint", "joints", "axis", "motor", "m", "servo", "data", "value", "field", "ch")
@@ -128,7 +129,7 @@ def together(names: Sequence[str]) -> dict[str, Naming]:
                 "command": Naming((known["command"],), "input", "command", False, ()),
             }
             return {own[name]: told[role] for role, name in known.items()}
-    return _of_motor(own) | _of_phases(own) | _of_controller(own)
+    return _of_motor(own) | _of_phases(own) | _of_controller(own) | _of_sides(own)
 
 
 PHASES = (("ia", "ib", "ic"), ("iu", "iv", "iw"), ("i_a", "i_b", "i_c"), ("i_u", "i_v", "i_w"))
@@ -155,13 +156,29 @@ def _of_controller(own: Mapping[str, str]) -> dict[str, Naming]:
     read = {name: read_name(name) for name in own}
     motions = [one for one in read.values() if one.quantity in MOTIONS and not one.weak]
     roles = {one.role for one in motions}
-    if "goal" not in roles or roles.isdisjoint(("", "measured")):
+    bare = {one.role for one in read.values() if one.quantity == ""}  # "sp", "pv", "out"
+    if not bare >= {"goal", "measured"} and ("goal" not in roles or roles <= {"goal", "error"}):
         return {}
     return {
         own[name]: Naming(one.words, "input", "command", False, ())
         for name, one in read.items()
         if one.weak and [w for w in one.words if not w.isdigit()][:1] in ([o] for o in OUTPUTS)
     }
+
+
+def _of_sides(own: Mapping[str, str]) -> dict[str, Naming]:
+    """Return the left and the right of pairs, "posL" and "posR": r alone is a reference."""
+    apart = {name: tuple(re.findall(r"[^\W_]+", _spaced(name).lower())) for name in own.values()}
+    whole = {"l": "left", "r": "right"}
+    told: dict[str, Naming] = {}
+    for name, words in apart.items():
+        at = next((i for i, word in enumerate(words) if word in whole), None)
+        if at is None or len(words) < 2:
+            continue
+        other = "r" if words[at] == "l" else "l"
+        if (*words[:at], other, *words[at + 1 :]) in apart.values():
+            told[name] = read_name(" ".join((*words[:at], whole[words[at]], *words[at + 1 :])))
+    return told
 
 
 MOTOR = re.compile(r"(?P<letter>[pvt])(?P<end>(?:_[a-z]+|\d*))")
@@ -239,9 +256,16 @@ def told_by(said: Naming, quantity: str) -> Naming:
 def _words(core: str) -> Iterator[str]:
     """Yield the words of a name in order; a short one or a compound as the words it stands for."""
     axes = re.sub(r"\b([iuv])[ _]+([qdm])(?![a-z])", r"\1\2", _spaced(core).lower())
-    axes = axes.replace("feed back", "feedback")
+    axes = _script().sub(r" \g<0> ", axes.replace("feed back", "feedback"))
     for word in re.findall(r"[^\W\d_]+|\d+", axes):
         yield from (vocabulary()["alias"].get(word) or _lettered(word) or _apart(word) or (word,))
+
+
+@cache
+def _script() -> re.Pattern[str]:
+    """Return what finds the known words of scripts that set no blanks between words, long first."""
+    own = sorted((w for w in _spoken_words() if w[0] >= FIRST_OF_SCRIPTS), key=len, reverse=True)
+    return re.compile("|".join(map(re.escape, own)))
 
 
 def _lettered(word: str) -> list[str]:
@@ -268,9 +292,13 @@ def _apart(word: str) -> list[str]:
 
 @cache
 def _all_words() -> frozenset[str]:
+    return frozenset(word for word in _spoken_words() if len(word) >= SHORTEST)
+
+
+def _spoken_words() -> list[str]:
     roles = (word for own in vocabulary()["role"].values() for word in own)
     sides = (word for own in vocabulary()["side"].values() for word in own)
-    return frozenset(w for w in (*_known(), *roles, *sides) if len(w) >= SHORTEST)
+    return [*_known(), *roles, *sides]
 
 
 def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:

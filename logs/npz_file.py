@@ -3,14 +3,17 @@
 import io
 import json
 import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from zwidth.logs.source import Collector, RecordingError, Source
+from zwidth.logs.source import Collector, RecordingError, Signal, Source
 
 MOST_BYTES = 1 << 33  # of all arrays, unpacked
+OF_COLUMNS = ("columns", "names", "labels", "channels", "fields", "header", "keys", "signals")
 ABOUT = "zwidth.json"  # the entry, UTF-8 in an array of bytes, of a file of our own
 
 
@@ -25,15 +28,36 @@ def read_npz(path: Path, data: bytes) -> Source:
     """Return every array of an archive; raises RecordingError."""
     found = Collector()
     about: dict[str, Any] = {}
+    texts: dict[str, list[str]] = {}
     for name, content in _entries(path, data).items():
         if name == ABOUT:
             about = _about(path, content)
             continue
         try:
-            found.add(name, _array(path, name, content))
+            array = _array(path, name, content)
+            if array.dtype.kind == "U" and name.lower().strip("_") in OF_COLUMNS:
+                texts[name] = array.reshape(-1).tolist()
+            found.add(name, array)
         except RecordingError as error:
             found.unreadable[name] = f"cannot be read: {error}"
-    return Source(path, "NPZ", found.signals, found.unreadable, about=about)
+    signals = _named(found.signals, texts)
+    return Source(path, "NPZ", signals, found.unreadable, about=about)
+
+
+def _named(signals: Mapping[str, Signal], texts: Mapping[str, list[str]]) -> dict[str, Signal]:
+    """Return signals with the names of columns that stand in an array of texts beside a matrix."""
+    told = dict(signals)
+    for names in texts.values():
+        matrices = {key.rsplit("[", 1)[0] for key in signals if key.endswith("]")}
+        fit = [m for m in matrices if f"{m}[{len(names) - 1}]" in signals]
+        fit = [m for m in fit if f"{m}[{len(names)}]" not in signals]
+        if len(fit) == 1 and len({*names, *signals}) == len(names) + len(signals):
+            renamed = {f"{fit[0]}[{k}]": name for k, name in enumerate(names)}
+            told = {
+                renamed.get(key, key): replace(one, name=renamed.get(key, key))
+                for key, one in told.items()
+            }
+    return told
 
 
 def _entries(path: Path, data: bytes) -> dict[str, bytes]:

@@ -26,6 +26,7 @@ from zwidth.logs.npz_file import read_npy, read_npz
 from zwidth.logs.opening import opened
 from zwidth.logs.optional_files import read_tdms, read_ulog
 from zwidth.logs.other_formats import refuse_other
+from zwidth.logs.own_clocks import with_own_clocks
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.table_log import log_of
@@ -66,7 +67,7 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
         if reader is read_excel:
             return read_excel(path, data, csv)
         found = read_csv(path, data, csv) if reader is None else reader(path, data)
-        return found if found.about else apart(found)
+        return found if found.about else with_own_clocks(apart(found))
     except MemoryError:
         raise RecordingError(
             f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.files.protection import reading
-from zwidth.logs.conversion import Converted, convert
+from zwidth.logs.conversion import Converted, convert, integrated
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mended_stamps import mended
 from zwidth.logs.one_axis import Stream, group, one_axis
@@ -122,6 +122,10 @@ def _read(
     streams = group(entries, {name: t for name, (t, _) in clocks.items()})
     values = {name: c.values[rows[name]] for name, c in converted.items()}
     t, values, resampling = one_axis(description.resample, streams, values)
+    for entry in (e for e in entries if e.integral_time is not None):
+        values[entry.channel] = integrated(
+            values[entry.channel], t, float(entry.integral_time or 0)
+        )
     facts: dict[str, Any] = {
         "recording": description.path.name,
         "source": description.source,

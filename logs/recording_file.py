@@ -87,6 +87,7 @@ INPUT_KEYS = (
     *("signal", "file", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
     *(*CLOCK_KEYS, "shift_s"),
 )
+COMMAND_KEYS = (*INPUT_KEYS, "integral_time_s")
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 BASE_KEYS = (*INPUT_KEYS, "quantity")
 KNOWN_FORCE_KEYS = (*INPUT_KEYS, "at")
@@ -119,7 +120,8 @@ class Entry:
 
     file: where its signal is, "" for the recording's own file, whose time it shares.
     wraps_at: raw numbers after which a counter starts anew, None for one that does not.
-    over: what its SI value is divided by.
+    over: what its SI value is divided by. integral_time [s]: of a loop on the speed, whose goal the
+    signal is; None for any other command.
     """
 
     quantity: str
@@ -134,6 +136,7 @@ class Entry:
     wraps_at: float | None = None
     over: float = 1.0
     file: str = ""
+    integral_time: float | None = None
 
 
 @dataclass(frozen=True)
@@ -185,8 +188,7 @@ def description_of(data: bytes, path: Path) -> Description:
 def _description(path: Path, top: Table) -> Description:
     if "schema" in top and top.number("schema") != SCHEMA:
         raise TableError(f"schema is {top.number('schema'):g}; this version reads {SCHEMA}")
-    tables = [top.table("input").only(INPUT_KEYS)] if "input" in top else []
-    entries = [_entry(table, "command", "command", top) for table in tables]
+    entries = [_command(top.table("input").only(COMMAND_KEYS), top)] if "input" in top else []
     for table in top.tables("output"):
         table.only(OUTPUT_KEYS)
         quantity = _one_of(table, "quantity", QUANTITIES)
@@ -230,6 +232,20 @@ def _description(path: Path, top: Table) -> Description:
         known_changes(top.table("device")).values,
         _words(top.table("free")),
     )
+
+
+def _command(table: Table, top: Table) -> Entry:
+    """Return what drives; a goal of a speed loop that integrates has no scale."""
+    entry = _entry(table, "command", "command", top)
+    if "integral_time_s" not in table:
+        return entry
+    unit = known_unit(entry.unit or "", f"{table.path}.unit").si
+    if entry.scale is not None or unit not in (*SI["velocity"], "counts/s"):
+        raise TableError(
+            f"{table.path}.integral_time_s is of the goal of a loop on the speed; give the unit of"
+            " a speed, and no scale"
+        )
+    return replace(entry, integral_time=_positive(table, "integral_time_s"))
 
 
 def _words(table: Table) -> dict[str, str]:

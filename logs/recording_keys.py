@@ -98,6 +98,10 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("", "resample", "true: all streams onto one axis of the longest period; a number: of that"
         " period", "s", default="false"),
     *_signals("input"),
+    Key("input", "integral_time_s", "the signal is the goal of a loop on the speed that integrates,"
+        " of that integral time (proportional over integral gain): the command becomes the integral"
+        " of the goal and this many times the goal, a position to go to", "s", default="none",
+        example="0.13"),
     *_signals("output"),
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),

@@ -57,7 +57,8 @@ class Source:
 
     kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
     on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
-    file of its own; empty in everyone else's. aliases: other names of signals.
+    file of its own; empty in everyone else's. aliases: other names of signals. texts: columns of
+    few different words, (samples,), which tell what each row is of.
     """
 
     path: Path
@@ -67,6 +68,7 @@ class Source:
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     aliases: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    texts: Mapping[str, NDArray[np.str_]] = field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, name: str) -> Signal:
         """Return a signal by its name, or by its name and unit as in the file, "angle [deg]"."""

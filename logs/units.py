@@ -85,6 +85,9 @@ UNITS: dict[str, Unit] = {
     "us": Unit("s", 1e-6),
     "ns": Unit("s", 1e-9),
     "min": Unit("s", 60.0),
+    "hour": Unit("s", 3_600.0),
+    "day": Unit("s", 86_400.0),
+    "100ns": Unit("s", 1e-7),  # ticks of .NET and of Windows
 }
 
 SPELLINGS = {
@@ -106,6 +109,7 @@ SPELLINGS = {
     "newtonmeters": "Nm", "newtonmetres": "Nm", "milliseconds": "ms", "microseconds": "us",
     "nanoseconds": "ns", "millis": "ms", "micros": "us", "millimeter": "mm", "millimeters": "mm",
     "millivolt": "mV", "millivolts": "mV", "milliamps": "mA", "milliamp": "mA", "kgcm": "kgfcm",
+    "hours": "hour", "days": "day", "Grad": "deg", "NM": "Nm", "mNM": "mNm",
     "min1": "rpm", "ozin": "ozfin", "lbin": "lbfin",
 }  # fmt: skip
 """Other ways in which the same units are written, once spaces, dots and stars are gone."""

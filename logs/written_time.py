@@ -28,8 +28,11 @@ FORMS = tuple(
         r"(?:[.,_](?P<f>\d{1,9}))?" + ZONE,
         rf"{CLOCK}{ZONE}",
         r"(?P<m>\d{1,4}):(?P<s>\d{2})[.,](?P<f>\d{1,9})",
+        rf"(?P<days>\d{{1,5}}) days?,? {CLOCK}",
+        r"(?P<own>\d{1,9}(?:[.,]\d{1,9})?) ?(?P<unit>s|sec|secs|seconds|ms|msec|us|µs)",
     )
 )
+DURATIONS = {"s": 1e9, "m": 1e6, "u": 1e3, "µ": 1e3}  # ns
 DATES = (
     re.compile(r"(?P<Y>\d{4})[-/.](?P<M>\d{1,2})[-/.](?P<D>\d{1,2})$"),
     re.compile(r"(?P<D>\d{1,2})\.(?P<M>\d{1,2})\.(?P<Y>\d{4}|\d{2})$"),
@@ -54,7 +57,7 @@ def nanoseconds_of(cells: Sequence[object]) -> tuple[NDArray[np.int64], NDArray[
     known = np.array([one is not None for one in found], dtype=np.bool_)
     least = min(one for one in found if one is not None)
     times = np.array([least if one is None else one for one in found], dtype=np.int64)
-    if "Y" not in form.groupindex:
+    if "Y" not in form.groupindex and "h" in form.groupindex and "days" not in form.groupindex:
         times = _past_midnight(times, known)
     return times, ~known
 
@@ -70,7 +73,9 @@ def _time(form: re.Pattern[str], text: str) -> int | None:
     if matched is None:
         return None
     told = matched.groupdict()
-    day = _day(told)
+    if (own := told.get("own")) is not None:
+        return round(float(own.replace(",", ".")) * DURATIONS[str(told["unit"])[0]])
+    day = int(told["days"]) if told.get("days") else _day(told)
     hour, minute, second = (int(told.get(key) or 0) for key in "hms")
     if (half := told.get("half")) is not None:
         hour = hour % 12 + (12 if half[0] in "pP" else 0)

@@ -9,9 +9,12 @@ from scipy.signal import lsim
 from zwidth.console import Console
 from zwidth.door import device_of, taken
 from zwidth.identification.first_device import Motion
-from zwidth.identification.first_loop import first_loop
+from zwidth.identification.first_loop import first_loop, speed_loop
 from zwidth.identification.response import RecordingError
+from zwidth.logs.conversion import integrated
+from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Floats
+from zwidth.logs.source import RecordingError as RecordingFileError
 
 PERIOD, STIFFNESS, DAMPER, LATE = 0.01, 400.0, 30.0, 4
 
@@ -65,3 +68,61 @@ def test_a_goal_and_a_position_become_a_drive(tmp_path: Path) -> None:
     assert servo.values["stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
     assert device.interface.command_gain == pytest.approx(STIFFNESS, rel=1e-3)
     assert file.exists()
+
+
+def speeds(k_p: float, k_i: float) -> tuple[Floats, Floats]:
+    """A goal of a speed and m v' + b v = k_p (g - v) + k_i integral(g - v), m = 0.02, b = 0.05.
+
+    Exact for a goal that is held, by the state of speed and integral.
+    """
+    asked = np.repeat(np.random.default_rng(3).normal(0.0, 20.0, 30), 50)
+    rates = ([[-(0.05 + k_p) / 0.02, k_i / 0.02], [-1.0, 0.0]], [[k_p / 0.02], [1.0]])
+    system = (*rates, [[1.0, 0.0]], [[0.0]])
+    t = PERIOD * np.arange(asked.size)
+    return asked, np.asarray(lsim(system, asked, t, interp=False)[1])
+
+
+@pytest.mark.parametrize(("k_p", "k_i"), [(0.2, 1.5), (0.1, 0.5)])
+def test_a_loop_on_the_speed_that_integrates_is_one_on_the_position(k_p: float, k_i: float) -> None:
+    """The integral time comes out but for the hold, within which the integral ramps.
+
+    Mutations: the integral taken a sample late; the speed compared with the position.
+    """
+    asked, moved = speeds(k_p, k_i)
+    found = speed_loop(asked, moved, PERIOD)
+    assert found.integral_time == pytest.approx(k_p / k_i, rel=5e-3)
+    assert found.delay == 0.0
+    assert found.error < 1e-3 < 0.02 < found.proportional
+    stamps = np.linspace(0.0, PERIOD * (asked.size - 1), asked.size)
+    goal = integrated(asked, stamps, found.integral_time)
+    motion = Motion(PERIOD, goal, moved[:, None], (("velocity", 0),), True)
+    loop = first_loop([motion])
+    assert loop.stiffness == pytest.approx(k_i / 0.02, rel=5e-3)
+    assert loop.damper == pytest.approx((0.05 + k_p) / 0.02, rel=5e-3)
+
+
+def test_a_goal_and_a_speed_become_a_drive_that_integrates(tmp_path: Path) -> None:
+    """Mutation: the loop taken in proportion. One in proportion stays so."""
+    asked, moved = speeds(0.2, 1.5)
+    t = PERIOD * np.arange(asked.size)
+    path = tmp_path / "speed.csv"
+    np.savetxt(path, np.column_stack([t, 9.55 * asked, 9.55 * moved]), "%.9g", ",",
+               header="t,target_rpm,actual_rpm", comments="")  # fmt: skip
+    trace, said = taken(path)
+    assert trace.units == {"command": "rad", "velocity_m1": "rad/s"}
+    assert any("a loop that integrates is taken, of an integral time of 0.13" in s for s in said)
+    _, device, _ = device_of(Console(), [("speed", trace)], tmp_path)
+    assert device.physics[0].values["stiffness"] == pytest.approx(75.0, rel=0.01)
+    asked, moved = speeds(0.2, 1e-9)
+    np.savetxt(path, np.column_stack([t, 9.55 * asked, 9.55 * moved]), "%.9g", ",",
+               header="t,target_rpm,actual_rpm", comments="")  # fmt: skip
+    assert taken(path)[0].units["command"] == "N m"
+
+
+def test_an_integral_time_stands_at_a_speed(tmp_path: Path) -> None:
+    text = (
+        'file = "a.csv"\ntime = "t"\n[input]\nsignal = "g"\nunit = "rad"\n'
+        'integral_time_s = 0.1\n[[output]]\nsignal = "v"\nquantity = "velocity"\nat = "m1"\n'
+    )
+    with pytest.raises(RecordingFileError, match="integral_time_s is of the goal of a loop on the"):
+        description_of(text.encode(), tmp_path / "a.toml")

@@ -63,7 +63,7 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device", "free"}
     assert said["covariate"] == set(recording_file.COVARIATE_KEYS)
     assert said["joint"] == set(recording_file.JOINT_KEYS)
-    assert said["input"] == set(recording_file.INPUT_KEYS)
+    assert said["input"] == set(recording_file.COMMAND_KEYS)
     assert said["output"] == set(recording_file.OUTPUT_KEYS)
     assert said["base"] == set(recording_file.BASE_KEYS)
     assert said["known_force"] == set(recording_file.KNOWN_FORCE_KEYS)

@@ -39,6 +39,7 @@ from zwidth.sim.drive import Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.trace import Trace
 from zwidth.sim.uncertainty import Uncertainty
+from zwidth.speed_loops import with_integral
 
 MOTION = re.compile(r"(?:position|velocity)_m[1-5]")  # channels that a device is fitted to
 FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
@@ -84,7 +85,7 @@ def described(
 def _guess(source: Source, file: str, ask: Ask | None, joint: str | None = None) -> Assumed:
     """What a file is taken for, by its names and then by whether the numbers allow that."""
     guess = assumed(source, file, ask, joint)
-    return in_their_places(guess, source)
+    return with_integral(in_their_places(guess, source), source)
 
 
 def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple[Trace, list[str]]:
@@ -113,7 +114,7 @@ def taken_table(
     given: time, command, position or velocity -> its column. Raises LogError.
     """
     source = source_of(table)
-    guess = assumed(source, source.path.name, joint=joint, given=given)
+    guess = with_integral(assumed(source, source.path.name, joint=joint, given=given), source)
     made = description_of(guess.text.encode(), Path("table.recording.toml"))
     return read_source(made, source), [f"assumed: {doubt}" for doubt in guess.doubts]
 
@@ -199,8 +200,14 @@ def _fitted_loop(
     )
     unit, force = ("kg m2", "N m/rad") if rotary else ("kg", "N/m")
     late = f" a delay of {1e3 * loop.delay:.3g} ms beside it, and" if loop.delay else ""
+    kind = (
+        "the goal of a speed loop that integrates, which is a position loop on the integral of"
+        " that goal, so"
+        if all("position_m1" not in trace.channels for _, trace in recordings)
+        else "a goal position, so"
+    )
     said = [
-        "no device is given: the command is a goal position, so a position loop on one"
+        f"no device is given: the command is {kind} a position loop on one"
         f' mass is taken ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
         f" with{late} friction and limits left to the diagnosis, the error of its free run is"
         f" {100.0 * loop.error:.3g} % of the motion",

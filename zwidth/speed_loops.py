@@ -1,0 +1,66 @@
+"""A goal of a speed that a guess took in proportion, where the loop that follows it integrates.
+
+Such a loop follows its goal without an error that stays, which one in proportion does not. Both are
+fitted to goal and speed (`identification.first_loop`); where the one that integrates leaves less
+than half of what the other does, the description says its integral time.
+"""
+
+import re
+import tomllib
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from zwidth.identification.first_loop import SpeedLoop, speed_loop
+from zwidth.logs.assumed import SPEED_GOAL, Assumed
+from zwidth.logs.recording import read_source
+from zwidth.logs.recording_file import description_of
+from zwidth.logs.source import Source
+from zwidth.logs.stretches import longest_stretch
+from zwidth.logs.timing import examine
+
+SPEED = "velocity_m1"
+WORTH = 0.5  # of what a loop in proportion leaves, below which the one that integrates is taken
+
+
+def with_integral(guess: Assumed, source: Source) -> Assumed:
+    """Return a guess with the integral time of its loop on the speed where the numbers show one."""
+    said = tomllib.loads(guess.text)
+    doubt = next((d for d in guess.doubts if SPEED_GOAL in d), None)
+    if doubt is None or all(one["quantity"] != "velocity" for one in said["output"]):
+        return guess
+    loop: SpeedLoop | None = None
+    with suppress(ValueError):  # too short or too broken for a fit: in proportion it stays
+        loop = _loop(guess.text, source)
+    if loop is None or loop.integral_time <= 0.0 or loop.error >= WORTH * loop.proportional:
+        return guess
+    time = float(f"{loop.integral_time:.4g}")
+    told = (
+        f"{said['input']['signal']} {SPEED_GOAL}: a loop that integrates is taken, of an integral"
+        f" time of {time:g} s ({100.0 * loop.error:.3g} % of the motion is left in a free run, and"
+        f" {100.0 * loop.proportional:.3g} % without the integral); its gains are fitted, and"
+        " forces are counted in them"
+    )
+    text = re.sub(
+        r"(?m)^(\[input\].*\n(?:.+\n)*?)scale = .*$",
+        rf"\g<1>integral_time_s = {time!r} # proportional over integral gain",
+        guess.text,
+        count=1,
+    )
+    return replace(
+        guess,
+        text=_without_position(text),
+        doubts=[told if one == doubt else one for one in guess.doubts],
+    )
+
+
+def _loop(text: str, source: Source) -> SpeedLoop:
+    trace = read_source(description_of(text.encode(), Path("guess.recording.toml")), source)
+    used, _ = longest_stretch(trace, ("command", SPEED), "the recording")
+    return speed_loop(used["command"], used[SPEED], examine(used.t).period)
+
+
+def _without_position(text: str) -> str:
+    """Leave out the position: it is counted from elsewhere than the integral of the goal is."""
+    blocks = re.split(r"\n(?=\[)", text)
+    return "\n".join(b for b in blocks if 'quantity = "position"' not in b).rstrip("\n") + "\n"
