@@ -17,7 +17,7 @@ from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import basis, law_at, table
 from zwidth.diagnosis.learning.together import together
-from zwidth.diagnosis.learning.where import Site, beside, comes_back
+from zwidth.diagnosis.learning.where import comes_back
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -137,23 +137,6 @@ def test_a_law_of_many_periods_is_learned_as_one_turn() -> None:
     off = law_at(curve.physics, v) - 0.7 * np.sin(2.0 * np.pi * v / 0.6)
     off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
     assert np.std(off) < 0.1 * 0.5
-
-
-def test_a_turn_stays_longer_than_its_table_and_is_seen_twice() -> None:
-    """A longer one is not seen twice, and any bend is a part of it.
-
-    Mutations: a period without a bound, which a fit makes shorter than the points of its turn; one
-    of twice its first length.
-    """
-    site = Site("free_spring", "m1", V, TURN, 0.1 * TURN)
-    model, x = beside(Model(DEVICE), np.zeros(len(Model(DEVICE).parameters)), site, DETENT)
-    (period,) = (i for i, p in enumerate(model.parameters) if p.name.endswith(".period"))
-    ends = [np.where(np.arange(x.size) == period, far, x) for far in (-1e3, 1e3)]
-    (shortest,), (longest,) = (model.effects_at(model.within(end)) for end in ends)
-    last = max(s for s, _ in points_of(shortest.values))
-    assert last < shortest.values["period"] < 1.01 * last
-    assert np.all(np.isfinite(law_at(shortest, np.linspace(-1.0, 1.0, 50))))
-    assert longest.values["period"] == pytest.approx(max(np.ptp(V) / 2.0, TURN))
 
 
 def test_points_go_where_a_law_bends() -> None:
