@@ -59,7 +59,7 @@ MACHINES = {
     "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
     "lugre_motor": Machine(("LuGre_J_1",), ("LuGre_J_2",), effort="normal"),
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
-    "ecp_carts": Machine(("KhNoM", "Kh2M", "KmNoM", "Km2M", "KlNoM", "Kl2M")),
+    "ecp_carts": Machine(("KhNoM", "Kh2M", "KmNoM", "Km2M", "KlNoM", "Kl2M"), effort="normal"),
     "ecp_two_carts": Machine(("KhKmNoM", "KhKm1M"), data="ecp_carts"),
     "ecp_let_go": Machine(("Khigh_let_go", "Kmed_let_go", "Klow_let_go"), data="ecp_carts"),
     "servo_pendulum": Machine(
