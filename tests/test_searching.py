@@ -523,6 +523,19 @@ def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bo
     assert all(v == pytest.approx(gap, rel=0.05) for v in found)  # and is fitted on
 
 
+def test_play_is_scanned_beside_a_further_mass() -> None:
+    """Whose states an observer of the bare device has not. Mutation: gains of the whole device."""
+    further = make_physics("extra_mode", "m2", mass=2e-4, stiffness=20.0, damping=1e-3)
+    made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
+    model = Model(drive()).with_effect(further, {"mass": 1e-4})
+    x = np.zeros(len(model.parameters))
+    sizes = sizes_of(model.build(x), made, 1.0)
+    where = [at for at in open_places(model.build(x)) if at[0].name == "backlash"]
+    (starts,) = starts_at(where, sizes, far=False).values()
+    shown = scanned(made, model, x, starts)
+    assert shown[0].model.effects_at(shown[0].x)[-1].values["gap"] == pytest.approx(0.3, rel=0.3)
+
+
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     """0.3 rad where the link gives way by milliradians, both masses measured.
 
