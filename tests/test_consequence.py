@@ -49,7 +49,7 @@ def test_what_held_out_data_do_without(times: float, sigma: float) -> None:
     Mutations: the interval alone; the sign of sigma alone.
     """
     known = replace(finding(0.01, 0.02), worth=Worth(times, sigma, 0.5))
-    assert may_be_nothing(known) is (sigma <= 0.0 and times < 0.98)
+    assert may_be_nothing(known) is (sigma < 0.0 and times < 0.98)
 
 
 def test_worth_and_no_consequence_in_words() -> None:

@@ -83,10 +83,10 @@ def may_be_nothing(finding: Finding) -> bool:
 
     They do where free runs err less without it, and over no horizon more. Of the effects that were
     named on 60 sealed recordings that was so of two, neither of which was there; of those that were
-    the clearest horizon told by 0.8 sigma at least.
+    the clearest horizon told by 0.8 sigma at least. Runs too few to scatter (0 sigma) say nothing.
     """
     worth = finding.worth
-    if worth is not None and worth.sigma <= 0.0 and worth.times < 1.0 / ADEQUACY.matters:
+    if worth is not None and worth.sigma < 0.0 and worth.times < 1.0 / ADEQUACY.matters:
         return True
     effect = EFFECTS[finding.effect]
     name = effect.strength
