@@ -29,9 +29,8 @@ from zwidth.controllers.guarded import guarded
 from zwidth.controllers.none import none
 from zwidth.controllers.region import region
 from zwidth.controllers.wall import wall
-from zwidth.figures.boundary import COLOURS, DASHES, SHAPES
 from zwidth.figures.map import draw_fates, legend
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
 from zwidth.figures.sweep import sweep_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
