@@ -469,7 +469,7 @@ def draw_guard() -> str:
         for delay in delays.tolist():
             own = device.with_interface(delay=delay)
             most = SHARE * (last_stable_damping(own) or 0.0)
-            trials = Trial(), Trial(law=Law("guarded", most_damping=most), limit_s=16.0)
+            trials = Trial(), Trial(law=Law("guarded", most_damping=most))
             plain, held = (float(middles(own, np.zeros(1), t)[0]) for t in trials)
             gains.append((plain, held))
             rows.append(f"| {1e3 * delay:g} ms | {plain:.4g} | {held:.4g} | {held / plain:.3g} |")
