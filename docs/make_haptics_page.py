@@ -29,9 +29,8 @@ from zwidth.controllers.guarded import guarded
 from zwidth.controllers.none import none
 from zwidth.controllers.region import region
 from zwidth.controllers.wall import wall
-from zwidth.figures.boundary import COLOURS, DASHES, SHAPES
 from zwidth.figures.map import draw_fates, legend
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
 from zwidth.figures.sweep import sweep_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
@@ -470,7 +469,7 @@ def draw_guard() -> str:
         for delay in delays.tolist():
             own = device.with_interface(delay=delay)
             most = SHARE * (last_stable_damping(own) or 0.0)
-            trials = Trial(), Trial(law=Law("guarded", most_damping=most), limit_s=16.0)
+            trials = Trial(), Trial(law=Law("guarded", most_damping=most))
             plain, held = (float(middles(own, np.zeros(1), t)[0]) for t in trials)
             gains.append((plain, held))
             rows.append(f"| {1e3 * delay:g} ms | {plain:.4g} | {held:.4g} | {held / plain:.3g} |")

@@ -40,6 +40,7 @@ STEPS = (0.0, 1e-5, 1e-4, 1e-3)  # rad
 LIMITS = (math.inf, 0.5, 0.1)  # N m
 LEVELS = (0.0, 0.002, 0.010)  # N m
 COARSE, REFINEMENTS = 25, 2
+ALIKE = 0.01  # of the points of a map, up to which another says the same
 AGAIN, LONG_S = 200, 128.0  # points of a map that are judged again, over a longer time
 Key = tuple[float, float, float]
 
@@ -72,6 +73,21 @@ def named(key: Key) -> str:
         f"friction {1e3 * level:g} mN m" if level else "",
     ]
     return ", ".join(w for w in words if w) or "nothing but the linear loop"
+
+
+def told_apart(found: dict[Key, FateMap], step: float) -> tuple[list[Key], str]:
+    """Return the maps of a step, a row a limit, without the rows that repeat the one above.
+
+    Also a sentence that says which limits those are.
+    """
+    kept, left = [LIMITS[0]], list[float]()
+    for limit in LIMITS[1:]:
+        pairs = ((found[step, kept[-1], f], found[step, limit, f]) for f in LEVELS)
+        unlike = [np.mean(a.fates.fate != b.fates.fate) for a, b in pairs]
+        (kept if max(unlike) > ALIKE else left).append(limit)
+    words = " or ".join(f"{limit:g} N m" for limit in left)
+    said = f"\nWith a limit of {words} at most 1\u00a0% of the points differ." if left else ""
+    return list(itertools.product((step,), kept, LEVELS)), said
 
 
 def picture(found: dict[Key, FateMap], keys: list[Key], columns: int, name: str) -> str:
@@ -185,10 +201,11 @@ def text(found: dict[Key, FateMap]) -> str:
     held = facts[0.0, 0.1, 0.0]["describing_function"]
     both, loose = facts[1e-3, inf, 0.002], facts[1e-3, inf, 0.0]
     tight = facts[1e-3, 0.1, 0.0]
-    pictures = {
-        step: picture(found, list(itertools.product((step,), LIMITS, LEVELS)), 3, f"step_{step:g}")
-        for step in STEPS
-    }
+    pictures: dict[float, str] = {}
+    alike: dict[float, str] = {}
+    for step in STEPS:
+        keys, alike[step] = told_apart(found, step)
+        pictures[step] = picture(found, keys, 3, f"step_{step:g}")
     single = [
         picture(found, [(step, inf, 0.0) for step in STEPS], 2, "steps"),
         picture(found, [(0.0, inf, level) for level in LEVELS], 3, "friction"),
@@ -251,24 +268,24 @@ value is thus a lower bound, and a measurement of a real wall scatters by this m
 
 ## All together
 
-Each row has one limit (none, 0.5 and 0.1 N m), each column one friction (0, 2 and 10 mN m).
+Each row has one limit, each column one friction (0, 2 and 10 mN m). Limits of none, 0.5 and 0.1 N m
+were mapped; a row that repeats the one above it is not drawn.
 
 ![Maps without encoder steps]({pictures[0.0]})
 
-**No steps.** From a start of 1 mrad the rows are the same: a run that friction stops never
-reaches the limit.
+**No steps.** From a start of 1 mrad a run that friction stops never reaches the limit.{alike[0.0]}
 
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
 **Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
 changes the command by K times 1e-5 rad, at most 0.5 mN m here, and more than half of that in
-friction is enough.
+friction is enough.{alike[1e-5]}
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 
 **Steps of 1e-4 rad.** One step now changes the command by up to 5 mN m. In the stable part 2 mN m
 of friction are still enough. On the right, where B times a step per sample dominates the command,
-the edge becomes ragged.
+the edge becomes ragged.{alike[1e-4]}
 
 ![Maps with steps of 1e-3 rad]({pictures[1e-3]})
 

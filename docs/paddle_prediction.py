@@ -23,8 +23,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from zwidth.figures.boundary import COLOURS, DASHES
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, DASHES, STYLE
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 from zwidth.sim.chain import make_chain

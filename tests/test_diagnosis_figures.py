@@ -1,9 +1,17 @@
-"""What a picture of a diagnosis shows of a long series."""
+"""What a picture of a diagnosis shows: of a long series, of no samples; in which colours."""
+
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import zwidth
+from zwidth.diagnosis.answer.friction_curve import FrictionCurve
+from zwidth.diagnosis.learning.together import Together
 from zwidth.figures.diagnosis import COLUMNS, envelope
+from zwidth.figures.friction_curve import friction_curve_figure
+from zwidth.sim.place import Place
 
 
 @pytest.mark.parametrize("size", [2 * COLUMNS + 1, 10_000, 123_457])
@@ -32,3 +40,26 @@ def test_a_short_series_stays_as_it_is() -> None:
     values = np.full(10 * COLUMNS, np.nan)
     values[5] = 3.0
     assert 3.0 in envelope(np.arange(values.size, dtype=np.float64), values)[1]
+
+
+def test_colours_come_from_the_one_style_file() -> None:
+    """Mutation: a picture with a blue of its own."""
+    folder = Path(zwidth.__file__).parent
+    files = [*(folder / "figures").glob("*.py"), *(folder / "paper").glob("*.py")]
+    own = re.compile(r"[\"']#[0-9a-fA-F]{6}[\"']")
+    wrong = [p.name for p in files if p.name != "style.py" and own.search(p.read_text("utf-8"))]
+    assert wrong == []
+
+
+def test_a_free_motion_has_no_samples_in_its_legend() -> None:
+    """Mutation: an empty series is drawn, and named."""
+    states = np.array([-1.0, -0.1, 0.1, 1.0])
+    force = -np.sign(states)
+    whole = Together(
+        ("coulomb_friction",), states, force, force - 0.1, force + 0.1, 0.0025 * np.eye(4)
+    )
+    none = np.zeros(0)
+    figure = friction_curve_figure(FrictionCurve(whole, Place("mass"), none, none), rotary=True)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(labels) == 1
+    assert "Coulomb" in labels[0]

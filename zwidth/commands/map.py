@@ -200,9 +200,9 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
     fates = found["fates"]
     columns = [
         Column("fate", False), Column("share of the plane"),
-        Column(f"amplitude [{length}]: median"), Column("most"),
-        Column("encoder steps: median"), Column("most"),
-        Column(f"force [{force}]: median"), Column("most"),
+        Column(f"median amplitude [{length}]"), Column(f"largest [{length}]"),
+        Column("median in encoder steps"), Column("largest in encoder steps"),
+        Column(f"median force [{force}]"), Column(f"largest [{force}]"),
     ]  # fmt: skip
     rows = [
         [name, f"{100.0 * f['share']:.1f} %", *_two(f["amplitude"]),

@@ -171,15 +171,14 @@ def _say_experiment(console: Console, device: Device, scale: Scale, noise: Noise
 
 def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
     columns = [Column("effect", False), Column("magnitude", False)]
-    columns += [*(Column(p.excitation) for p in plans), Column("at", False)]
+    columns += [Column(p.excitation) for p in plans]
     rows: list[list[str]] = []
     for every in zip(*(p.visible for p in plans), strict=True):
         first: Visible = every[0]
-        shape = ", ".join(f"{key} {value:.3g}" for key, value in first.shape.items())
         numbers = [
             "never" if v.magnitude is None else with_unit(v.magnitude, v.unit, 3) for v in every
         ]
-        rows.append([named(first.label), _magnitude(first), *numbers, shape])
+        rows.append([named(first.label), _magnitude(first), *numbers])
     console.table(f"\nSmallest magnitude that shows ({SHOWN:g} sigma)", columns, rows)
 
 

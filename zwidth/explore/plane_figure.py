@@ -24,7 +24,8 @@ from zwidth.explore.measured import MeasuredPoint
 from zwidth.explore.picture import picture
 from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Layer, Span
-from zwidth.figures.map import NAMES, PREDICTED
+from zwidth.figures.map import NAMES
+from zwidth.figures.style import PREDICTED
 from zwidth.sim.fate import Fate
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.plane import Floats, Plane

@@ -22,15 +22,16 @@ from numpy.typing import NDArray
 from zwidth.explore.look import ROOM, fitting, reach, spectrum, within
 from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Span as Times
+from zwidth.figures.style import AFTER, BEFORE, COLOURS
 from zwidth.sim.readable import prefix
 
 Floats = NDArray[np.float64]
 Drawn = dict[str, Floats]
 # What lies on each other; the run itself is drawn last, on top.
 RUN, BESIDE, RECORDED = "run", "beside", "recorded"
-LOOKS = {RECORDED: ("#DDAA33", "solid"), BESIDE: ("#BB5566", "dashed"), RUN: ("#004488", "solid")}
+LOOKS = {RECORDED: (COLOURS[2], "solid"), BESIDE: (BEFORE, "dashed"), RUN: (AFTER, "solid")}
 ENERGIES = {
-    "stored": ("#004488", "stored"), "motor": ("#997700", "from the motor"),
+    "stored": (AFTER, "stored"), "motor": (COLOURS[5], "from the motor"),
     "spent": ("#777777", "dissipated"),
 }  # fmt: skip
 HEIGHTS = {"position": 5, "command": 5, "contact": 2, "energy": 6}  # shares of the page's

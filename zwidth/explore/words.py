@@ -9,7 +9,8 @@ import numpy as np
 from zwidth.explore.bench import LIMIT_S, SECONDS, Bench, Line
 from zwidth.explore.look import Look
 from zwidth.explore.view import View
-from zwidth.figures.map import COLOURS, NAMES, PREDICTED
+from zwidth.figures.map import COLOURS, NAMES
+from zwidth.figures.style import PREDICTED
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.fate import Fate, settles
 from zwidth.sim.readable import plain, with_unit

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zwidth.figures.curves import THEIRS
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, STYLE
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -20,8 +20,8 @@ def bode_figure(measured: Response, ours: Response, theirs: Response) -> Figure:
         figure = Figure(figsize=(7.2, 6.4), layout="constrained")
         magnitude, phase = figure.subplots(2, 1, sharex=True)
         _both(magnitude, phase, measured, linestyle="none", marker="o", markersize=5,
-              color="#DDAA33", label="simulated device under white noise")  # fmt: skip
-        _both(magnitude, phase, ours, color="#004488", linewidth=1.8, label="fitted, ours")
+              color=COLOURS[2], label="simulated device under white noise")  # fmt: skip
+        _both(magnitude, phase, ours, color=COLOURS[0], linewidth=1.8, label="fitted, ours")
         _both(magnitude, phase, theirs, color="black", linestyle=THEIRS, linewidth=1.1,
               label="Table I, theirs")  # fmt: skip
         magnitude.set_ylabel("magnitude [dB re 1 rad/(N m)]")

@@ -13,22 +13,10 @@ from matplotlib.ticker import LogLocator, NullLocator
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
 from zwidth.results import BoundaryResult, DelayBoundary, Interval, Point
 
 Floats = NDArray[np.float64]
-# Colours that differ in lightness, so that they survive grey print and every kind of colour
-# blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes say the same once more.
-COLOURS = ("#004488", "#BB5566", "#DDAA33", "#000000", "#6699CC", "#997700")
-DASHES = (
-    "-",
-    (0, (7, 2)),
-    (0, (2.5, 1.2)),
-    (0, (6, 2, 1.5, 2)),
-    (0, (9, 3)),
-    (0, (4, 1, 1, 1, 1, 1)),
-)
-SHAPES = ("o", "s", "^", "D", "v", "P")
 UNFELT = 0.25  # strength of the colour of walls of which nothing is felt
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
 LONG_TITLE = 60

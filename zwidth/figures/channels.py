@@ -3,9 +3,8 @@
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.figures.boundary import COLOURS
 from zwidth.figures.run import thinned
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, STYLE
 from zwidth.sim.trace import Trace
 
 QUANTITIES = {

@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
-from zwidth.figures.style import AFTER, BEFORE, FILE, LAW, MEASURED, STYLE, UNDER
+from zwidth.figures.style import AFTER, BEFORE, FILE, HELD_OUT, LAW, MEASURED, STYLE, UNDER
 from zwidth.sim.readable import percent, plain, scaled, with_unit
 
 Floats = NDArray[np.float64]
@@ -129,7 +129,7 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
         error.set_ylabel(f"error [{unit}]")
         for axes in panels[1]:
             axes.set_xlabel("time [s]")
-        held = "kept out of the fit" if run.held_out else "part of the fit"
+        held = _ground(figure, run.held_out)
         figure.suptitle(f"{run.recording}, simulated without correction; {held}", fontsize=9)
         handles, labels = motion.get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
@@ -172,7 +172,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         lacks.set_ylabel(f"missing [{unit}]")
         lacks.set_xlabel("time [s]")
         lacks.margins(x=0.01)
-        held = "kept out of the fit" if forces.held_out else "part of the fit"
+        held = _ground(figure, forces.held_out)
         figure.suptitle(
             f"{forces.recording}, the force that its motion needs; {held}; below"
             f" {forces.band:.3g} Hz", fontsize=9,
@@ -182,6 +182,15 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         rows = -(-len(labels) // 2)
         _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
+
+
+def _ground(figure: Figure, held_out: bool) -> str:
+    """Tint the panels of data that were kept out of the fit; returns the words for their title."""
+    if not held_out:
+        return "part of the fit"
+    for axes in figure.axes:
+        axes.set_facecolor(HELD_OUT)
+    return "kept out of the fit (tinted)"
 
 
 def envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:

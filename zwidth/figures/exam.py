@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, COLOURS, FILE, STYLE
 
 
 def confusion_figure(found: Mapping[str, Any]) -> Figure:
@@ -58,8 +58,8 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
         figure = Figure(figsize=(6.4, 3.8), layout="constrained")
         axes = figure.subplots()
         for key, label, colour, shift in (
-            ("first_where_apart", "named first, where it stands apart", "#004488", 0.97),
-            ("in_class", "in the class named", "#DDAA33", 1.03),
+            ("first_where_apart", "named first, where it stands apart", AFTER, 0.97),
+            ("in_class", "in the class named", COLOURS[2], 1.03),
         ):
             bins = [row for row in found if row[key]["count"]]
             x = shift * np.array([np.sqrt(row["from"] * row["to"]) for row in bins])
@@ -89,14 +89,14 @@ def reliability_figure(found: Mapping[str, Any]) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(4.4, 4.2), layout="constrained")
         axes = figure.subplots()
-        axes.plot([0.0, 1.0], [0.0, 1.0], color="#888888", linewidth=1.0)
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=FILE, linewidth=1.0)
         table = found["table"]
         x = np.array([row["said"] for row in table])
         y = np.array([row["seen"]["share"] for row in table])
         ends = np.array([row["seen"]["ci95"] for row in table]).reshape(-1, 2)
         counts = np.array([row["seen"]["count"] for row in table], dtype=np.float64)
-        axes.errorbar(x, y, np.abs(ends.T - y), fmt="none", ecolor="#004488", capsize=2)
-        axes.scatter(x, y, 12.0 + 150.0 * counts / max(counts.sum(), 1.0), color="#004488")
+        axes.errorbar(x, y, np.abs(ends.T - y), fmt="none", ecolor=AFTER, capsize=2)
+        axes.scatter(x, y, 12.0 + 150.0 * counts / max(counts.sum(), 1.0), color=AFTER)
         axes.set_xlim(-0.02, 1.02)
         axes.set_ylim(-0.02, 1.02)
         axes.set_xlabel("probability that was stated")

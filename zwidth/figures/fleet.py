@@ -13,13 +13,13 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE
+from zwidth.figures.style import AFTER, BEFORE, COLOURS, INTERVAL, STYLE
 from zwidth.fleet.reasons import in_words
 from zwidth.fleet.result import Fleet, Member
 from zwidth.sim.readable import scaled
 
 Floats = NDArray[np.float64]
-SOUND, ODD, CHANGED, BAND = AFTER, BEFORE, "#ddaa33", INTERVAL
+SOUND, ODD, CHANGED, BAND = AFTER, BEFORE, COLOURS[2], INTERVAL
 NEAR = 8.0  # deviations beyond which an odd value is drawn at the edge
 HIGH = 2.1  # inches of a parameter
 

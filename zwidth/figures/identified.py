@@ -5,12 +5,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, FILE, INTERVAL, STYLE
 from zwidth.identification.fit import Fit
 from zwidth.sim.sampled import sampled_frequency_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+DOTS = FILE  # darker than a measured line: points are smaller
 TWO_SIGMA = 1.96
 POINTS = 800  # of the model's line
 
@@ -44,12 +45,12 @@ def identified_figure(
         size = np.abs(measured)
         half = TWO_SIGMA * deviation / np.sqrt(2.0)  # along the response, half the variance
         low = np.maximum(size - half, 1e-3 * size)
-        top.fill_between(frequency, _db(low), _db(size + half), color="#DDAA33", alpha=0.35,
+        top.fill_between(frequency, _db(low), _db(size + half), color=INTERVAL,
                          linewidth=0.0, label="95 % by noise")  # fmt: skip
-        top.plot(frequency, _db(size), ".", markersize=3, color="#DDAA33", label="measured")
-        top.plot(model[0], _db(np.abs(model[1])), color="#004488", label="fitted")
-        middle.plot(frequency, _phase(measured), ".", markersize=3, color="#DDAA33")
-        middle.plot(model[0], _phase(model[1]), color="#004488")
+        top.plot(frequency, _db(size), ".", markersize=3, color=DOTS, label="measured")
+        top.plot(model[0], _db(np.abs(model[1])), color=AFTER, label="fitted")
+        middle.plot(frequency, _phase(measured), ".", markersize=3, color=DOTS)
+        middle.plot(model[0], _phase(model[1]), color=AFTER)
         bottom.plot(frequency, coherence, color="0.3", linewidth=0.8)
         bottom.set_ylim(0.0, 1.05)
         top.set_ylabel("magnitude [dB]")

@@ -47,7 +47,7 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
             _beside(above, curve.together, x, y)
         if law.formulas:
             like = law.formulas[0]
-            at = np.where(s == 0.0, np.nan, s)
+            at = np.where((s == 0.0) | ~_visited(s, seen), np.nan, s)
             above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
                        label=fill(f"{like.form.name}: {law.formula}", WIDE))  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
@@ -58,6 +58,12 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
         within = " within a turn" if curve.period > 0.0 else ""
         below.set_xlabel(f"{curve.over}{within} [{state_unit}]")
     return figure
+
+
+def _visited(s: Floats, seen: Floats) -> NDArray[np.bool_]:
+    """Where the recording was, of evenly spaced states: elsewhere a formula says nothing."""
+    counts, edges = np.histogram(seen, bins=BINS)
+    return counts[np.clip(np.digitize(s, edges) - 1, 0, BINS - 1)] > 0
 
 
 def _turned(law: LearnedLaw, states: Floats) -> Floats:
@@ -72,6 +78,8 @@ def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
     every = max(1, states.size // SHOWN)
     tall = SPREAD * float(np.abs(law.curve.forces).max())
     states, forces = _turned(law, states)[::every], np.clip(forces[::every], -tall, tall)
+    if not states.size:  # of a free motion none is known
+        return
     axes.plot(x * states, y * forces, ".", color=SAMPLES, markersize=1.6, rasterized=True,
               label="with the force that each sample needs beyond it")  # fmt: skip
 

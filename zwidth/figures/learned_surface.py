@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 
 from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
 from zwidth.figures.learned import learned_figure
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import DARK, STYLE
 from zwidth.sim.physics.free_force import STATE_UNITS, STATES
 from zwidth.sim.readable import plain, scaled
 
@@ -19,7 +19,6 @@ Floats = NDArray[np.float64]
 FINE = 120  # states along either axis
 SHOWN = 1500  # samples, at most
 CUTS = (0.1, 0.5, 0.9)  # quantiles of the other state at which cuts are made
-COLOURS = ("#004488", "#bb5566", "#997700")
 STYLES = ("-", "--", "-.")
 
 
@@ -100,7 +99,7 @@ def _cuts(
     other = 1 - along
     wide = float(np.ptp(seen[:, other]))
     axes.axhline(0.0, color="0.6", linewidth=0.8)
-    cuts = zip(np.quantile(seen[:, other], CUTS).tolist(), COLOURS, STYLES, strict=True)
+    cuts = zip(np.quantile(seen[:, other], CUTS).tolist(), DARK, STYLES, strict=True)
     for value, colour, style in cuts:
         near = seen[np.abs(seen[:, other] - value) < 0.05 * wide, along]
         if near.size == 0:

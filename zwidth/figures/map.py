@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from zwidth.figures.style import FATES, PREDICTED
 from zwidth.law_options import said_of
 from zwidth.sim.fate import Fate
 from zwidth.sim.readable import scaled, with_unit
@@ -18,15 +19,7 @@ from zwidth.stability.linear import has_theory
 from zwidth.stability.plane import Plane
 from zwidth.stability.plane_theory import Line, describing_lines
 
-# Told apart by the colour-blind, and by lightness alone in print.
-COLOURS = {
-    Fate.RESTS: "#f2f2f2",
-    Fate.DITHERS: "#b3d3ec",
-    Fate.FELT: "#4a90c4",
-    Fate.GROWS: "#7f2704",
-    Fate.UNDECIDED: "#ffd92f",
-}
-PREDICTED = "#d01c8b"
+COLOURS = dict(zip(Fate, FATES, strict=True))
 FEWEST_TICKS = 3
 NAMES = {
     Fate.RESTS: "comes to rest",

@@ -12,15 +12,15 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from zwidth.figures.curves import frequency_axis
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, STYLE
 
 Floats = NDArray[np.float64]
 MODE_COLOURS = {
     "rigid body": "0.5",
-    "mode 1": "#004488",
-    "mode 2": "#BB5566",
-    "mode 3": "#997700",
-    "delay": "#DDAA33",
+    "mode 1": COLOURS[0],
+    "mode 2": COLOURS[1],
+    "mode 3": COLOURS[5],
+    "delay": COLOURS[2],
 }
 MODE_WIDTHS = {"rigid body": 1.2, "mode 1": 2.6, "mode 2": 2.6, "mode 3": 2.6, "delay": 2.6}
 MODE_LABELS = {"delay": "the loop's own (delay line)"}

@@ -8,10 +8,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import DARK, STYLE
 
 Floats = NDArray[np.float64]
-COLOURS = ("#004488", "#BB5566", "#997700")
 GREYS = (("0.4", "-"), ("0.4", (0, (2, 1.2))))
 
 
@@ -40,7 +39,7 @@ def paddle_figure(
         axes = figure.subplots()
         for (label, stiffness), (grey, dashes) in zip(linear, GREYS, strict=True):
             axes.plot(grid, stiffness, color=grey, linestyle=dashes, label=label)
-        for one, colour in zip(simulated, COLOURS, strict=True):
+        for one, colour in zip(simulated, DARK, strict=True):
             axes.plot(one.damping, one.stiffness, color=colour, label=one.label)
         axes.plot(damping, measured, linestyle="none", marker="o", markersize=7,
                   markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.5,

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from zwidth.figures.boundary import COLOURS, DASHES
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, COLOURS, DASHES, STYLE
 from zwidth.identification.cycles import Cycle, RelayCondition
 from zwidth.identification.relay import RelayTest, Waveform
 from zwidth.sim.device import Device
@@ -45,9 +44,9 @@ def relay_figure(wave: Waveform, title: str = "", rotary: bool = True) -> Figure
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.2), layout="constrained")
         force, position = figure.subplots(2, 1, sharex=True)
-        force.step(wave.t, push * wave.force, where="post", color="#BB5566")
+        force.step(wave.t, push * wave.force, where="post", color=BEFORE)
         force.set_ylabel(f"relay {'torque' if rotary else 'force'} [{pushed}]")
-        position.plot(wave.t, by * wave.position, color="#004488")
+        position.plot(wave.t, by * wave.position, color=AFTER)
         position.set_ylabel(f"position [{unit}]")
         position.set_xlabel("time in steady state [s]")
         position.set_xlim(0.0, float(wave.t[-1]))
@@ -149,10 +148,10 @@ def relay_bias_figure(
         axes.axvline(1.0, color="black", linewidth=0.8)
         for i, (one, all_of_them) in enumerate(zip(reference, cycles, strict=True)):
             axes.plot(all_of_them, [i] * len(all_of_them), linestyle="none", marker=".",
-                      markersize=7, color="#004488")  # fmt: skip
+                      markersize=7, color=AFTER)  # fmt: skip
             if one is not None:
                 axes.plot(one, i, marker="o", markersize=9, markerfacecolor="none",
-                          markeredgecolor="#BB5566", markeredgewidth=1.4)  # fmt: skip
+                          markeredgecolor=BEFORE, markeredgewidth=1.4)  # fmt: skip
         axes.set_yticks(np.arange(len(labels)), labels)
         axes.invert_yaxis()
         axes.set_ylabel("delay, $B$ [N m s/rad]")
@@ -173,10 +172,10 @@ def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
         panels = figure.subplots(1, len(sweeps), sharey=True, squeeze=False)[0]
         for axes, sweep in zip(panels, sweeps, strict=True):
             axes.axhline(linear, color="0.5", linewidth=1.0, linestyle=(0, (5, 2)))
-            axes.plot(sweep.values, sweep.true, color="#004488", marker=".", markersize=5)
-            axes.plot(sweep.values, sweep.rests, color="#004488", linestyle=":")
+            axes.plot(sweep.values, sweep.true, color=AFTER, marker=".", markersize=5)
+            axes.plot(sweep.values, sweep.rests, color=AFTER, linestyle=":")
             axes.plot(sweep.values, sweep.relay, linestyle="none", marker="o", markersize=7,
-                      markerfacecolor="none", markeredgecolor="#BB5566",
+                      markerfacecolor="none", markeredgecolor=BEFORE,
                       markeredgewidth=1.4)  # fmt: skip
             if sweep.logarithmic:
                 axes.set_xscale("log")
@@ -186,10 +185,10 @@ def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
         panels[0].set_ylabel("$K$ [N m/rad]")
         panels[0].set_ylim(bottom=0.0)
         handles = [
-            Line2D([], [], color="#BB5566", linestyle="none", marker="o", markerfacecolor="none",
+            Line2D([], [], color=BEFORE, linestyle="none", marker="o", markerfacecolor="none",
                    label="relay"),
-            Line2D([], [], color="#004488", marker=".", label="bisection, same physics"),
-            Line2D([], [], color="#004488", linestyle=":", label="comes to rest"),
+            Line2D([], [], color=AFTER, marker=".", label="bisection, same physics"),
+            Line2D([], [], color=AFTER, linestyle=":", label="comes to rest"),
             Line2D([], [], color="0.5", linewidth=1.0, linestyle=(0, (5, 2)), label="linear"),
         ]  # fmt: skip
         figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)

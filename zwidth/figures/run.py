@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from zwidth.figures.boundary import COLOURS, STYLE
+from zwidth.figures.style import COLOURS, STYLE
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]

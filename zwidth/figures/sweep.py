@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from zwidth.figures.boundary import COLOURS, DASHES, SHAPES
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
 from zwidth.sim.readable import plain, scaled, with_unit
 from zwidth.stability.sweep import WHOLE, Step, Sweep
 

@@ -3,13 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.figures.style import DARK
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 Floats = NDArray[np.float64]
 DELAYS = (0.002, 0.004, 0.008)
-COLOUR = {0.002: "#004488", 0.004: "#BB5566", 0.008: "#997700"}
+COLOUR = dict(zip(DELAYS, DARK, strict=True))
 SHAPE = {0.002: "o", 0.004: "s", 0.008: "^"}
 POINTS = 240
 

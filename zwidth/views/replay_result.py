@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from zwidth.figures.style import BEFORE
 from zwidth.scenarios.replay import ReplayResult
 from zwidth.views import trace as signals
 from zwidth.views.table import Table
@@ -43,7 +44,7 @@ def _drawn(result: ReplayResult) -> "Figure":
         top.set_title("identical to its replay, bit for bit", loc="left", fontsize=10)
         return figure
     for axes in figure.axes:
-        axes.axvline(first.time, color="#BB5566", linestyle="--", linewidth=1.0)
+        axes.axvline(first.time, color=BEFORE, linestyle="--", linewidth=1.0)
     what = f"{first.channel} differs from t = {first.time:.6g} s on"
     top.set_title(f"Replay: {what} (dashed)", loc="left", fontsize=10)
     return figure
