@@ -107,7 +107,7 @@ class Fleet(Shown):
         return f"{name} of {change.device} {verb} {a} to {b} {when}{span}"
 
     def said_of_parameter(self, name: str) -> str:
-        """Return a sentence on what a parameter does over the fleet."""
+        """Return a sentence that says how a parameter varies over the fleet."""
         s, unit = self.spreads[name], self.names[name]
         words = in_words(name).rstrip(",")
         parts = [f"{words} is {with_unit(s.center.value, unit)}"]

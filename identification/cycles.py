@@ -63,7 +63,7 @@ class RelayCondition:
 
     @property
     def verdict(self) -> RelayVerdict:
-        """What most starts do; the reference start where no others were run."""
+        """What most starts do, or the reference start if no others were run."""
         if self.likeliest is not None:
             return "oscillates"
         if not self.cycles and not self.diverging and not self.undecided:
@@ -86,7 +86,7 @@ class RelayCondition:
 
 @dataclass(frozen=True, repr=False)
 class RelayReadings(Shown):
-    """What a relay reads on a device at some dampings, a condition each; see `RelayCondition`."""
+    """The readings of a relay on a device, one `RelayCondition` for each damping."""
 
     device: Device
     test: RelayTest

@@ -65,7 +65,7 @@ class Disturbance:
                 raise ValueError(f"disturbance.{field} is {value}; allowed is {allowed}")
 
     def mass(self, dof: int) -> int:
-        """Return the index of the mass, of the base the number of masses.
+        """Return the index of the mass; for the base, the number of masses.
 
         Raises ValueError where the chain has no such mass.
         """

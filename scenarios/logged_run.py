@@ -63,8 +63,8 @@ def logged_run(
 ) -> LoggedRun:
     """Run a scenario and write its log to `path` while it runs.
 
-    metadata: what the caller knows besides, which wins over what is found here (a "verdict").
-    perception: from what on dither is felt.
+    metadata: further facts from the caller (a "verdict"); they replace those found here.
+    perception: thresholds from which dither is felt.
     epoch_ns: log time of t = 0 [ns since 1970], by default now. on_block is told the number of
     ticks after every block. Substeps go into the log only, Run.fine is None.
 

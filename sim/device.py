@@ -114,7 +114,7 @@ class Device(Shown):
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
-        """Return the mass (index) that each mass which an effect adds hangs on, in their order.
+        """Return, for each mass that an effect adds, the index of the mass to which it is attached.
 
         After them, which place each filtered reading follows.
         """
@@ -126,7 +126,7 @@ class Device(Shown):
         return (*hung, *reading(n, n + len(hung), filters).followers[:, 1].tolist())
 
     def hung(self) -> tuple[int, ...]:
-        """Return the mass (index) that each further mass hangs on, filtered readings left out."""
+        """Return the index of the mass that carries each added mass; no filtered readings."""
         adding = [p for p in self.physics if p.effect.adds_mass]
         if not adding:
             return ()
@@ -194,9 +194,9 @@ class Device(Shown):
         return replace(self, physics=tuple(kept) if names else ())
 
     def bare(self) -> "Device":
-        """Return the device without effects, except what is linear of its drive and its readings.
+        """Return the device without effects, but for its linear drive and filters of readings.
 
-        That is what makes its drive one that a goal drives, and what filters what is read.
+        These are a drive whose command is a goal, and what filters a reading.
         """
         kept = tuple(p for p in self.physics if p.effect.sought == "given" or p.effect.follows)
         return self if len(kept) == len(self.physics) else replace(self, physics=kept)

@@ -167,7 +167,7 @@ class Interface:
 
     @property
     def velocity_filter(self) -> tuple[float, float, float, float]:
-        """Weights (a, b, c, d) of the velocity filter.
+        """The weights (a, b, c, d) of the velocity filter.
 
         With e the estimate (by default the backward difference) less the last v, and r the slope of
         v times its period T,

@@ -42,7 +42,7 @@ class Law:
 
     @property
     def code(self) -> int:
-        """What compiled code knows the law by."""
+        """The number by which compiled code selects the law."""
         return CODES[self.kind]
 
     @property

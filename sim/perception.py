@@ -65,7 +65,7 @@ class Perception:
             return by_force | (growth.amplitude >= self.least(growth.frequency, rotary))
 
     def least(self, frequency: Floats, rotary: bool) -> Floats:
-        """Return the amplitude of m1 [rad | m] from which a motion of each frequency is felt."""
+        """Return, for each frequency, the smallest amplitude of m1 [rad | m] that a hand feels."""
         if self.position is not None:
             return np.full(frequency.shape, self.position)
         if rotary and self.lever is None:

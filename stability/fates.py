@@ -33,7 +33,7 @@ class Fates:
         return Fates(np.full(count, -1, dtype=np.int8), *np.full((4, count), np.nan))
 
     def put(self, where: Ints, other: "Fates") -> None:
-        """Write other's results at some of the points."""
+        """Copy the results of other to the points with these indices."""
         for name in (f.name for f in fields(self)):
             getattr(self, name)[where] = getattr(other, name)
 

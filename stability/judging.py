@@ -61,7 +61,7 @@ class Trial:
 
     @property
     def starts(self) -> tuple[float, ...]:
-        """All starts, each once."""
+        """All start amplitudes, without repeats."""
         return tuple(dict.fromkeys((self.start, *self.others)))
 
 

@@ -137,7 +137,7 @@ class Plane:
         return with_friction(device, values["friction"]) if "friction" in values else device
 
     def rest(self, device: Device, start: float) -> float:
-        """Return the amplitude below which an oscillation of a device of this plane is none."""
+        """Return the amplitude [rad | m] below which a run of this plane counts as at rest."""
         threshold = self.trial.threshold
         return rest_amplitude(device, start) if threshold is None else threshold
 

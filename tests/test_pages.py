@@ -98,8 +98,11 @@ def test_commands_of_pages_are_understood(page: Path):
 # Commands that take less than two seconds each; others are only parsed.
 CHEAP = ("devices", "effects", "convert", "export")
 # What a page leaves to its reader: a file of his, or an effect that he wrote.
-NOT_HERE = re.compile(r"no device is given|does not exist|no (such )?file|neither a file nor|"
-                      r"there is no effect|missing argument|requires an argument", re.I)  # fmt: skip
+NOT_HERE = re.compile(
+    r"no device is given|does not exist|no (such )?file|neither a file nor|there is no effect"
+    r"|missing argument|requires an argument",
+    re.IGNORECASE,
+)
 
 
 def run_in(folder: Path, line: str) -> str:

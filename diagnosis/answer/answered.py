@@ -79,7 +79,7 @@ def answered(
         law, instead, halted = _law(device, stands, facts, say)
     facts = replace(facts, law=law, instead=instead)
     if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS:
-        # None of the hypotheses that were fitted is true then, and shares among them are no odds.
+        # No hypothesis that was fitted is then true, so their shares are no probabilities.
         gone = law.curve.replaced if law is not None and instead else ()
         kept = (f for f in findings if f"{f.effect} at {f.at}" not in gone)
         findings = tuple(f.without_probability() for f in kept)

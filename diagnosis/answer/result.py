@@ -131,9 +131,9 @@ class Finding:
         }
 
     def without_probability(self) -> "Finding":
-        """Return the finding as it is said of an answer that is not adequate.
+        """Return the finding without its probability, for an answer that is not adequate.
 
-        None of the hypotheses that were fitted is true then, and shares among them are no odds.
+        No hypothesis that was fitted is then true, so their shares are no probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
