@@ -43,16 +43,16 @@ def cheaper(h: Hypothesis, by: float) -> Hypothesis:
 def test_what_explains_more_over_the_horizon_comes_first(rubbed: list[Experiment]) -> None:
     """However much more the next sample says of the other. Mutation: the order as it is."""
     rubs, lags = fitted(rubbed, FRICTION), cheaper(fitted(rubbed, LAG), 1e6)
-    assert Slower().first([lags, rubs])[0] is rubs
-    assert Slower().first([rubs, lags])[0] is rubs
+    assert Slower(fitted(rubbed)).first([lags, rubs])[0] is rubs
+    assert Slower(fitted(rubbed)).first([rubs, lags])[0] is rubs
 
 
 def test_what_is_as_good_over_the_horizon_stays_in_its_place(rubbed: list[Experiment]) -> None:
     """Mutation: the least of all, by however little."""
     rubs = fitted(rubbed, FRICTION)
     both = fitted(rubbed, FRICTION, LAG)
-    assert Slower().first([rubs, both])[0] is rubs
-    assert Slower().first([both, rubs])[0] is both
+    assert Slower(fitted(rubbed)).first([rubs, both])[0] is rubs
+    assert Slower(fitted(rubbed)).first([both, rubs])[0] is both
 
 
 def test_what_the_next_sample_drops_is_looked_at_if_it_explains_more(
@@ -60,8 +60,8 @@ def test_what_the_next_sample_drops_is_looked_at_if_it_explains_more(
 ) -> None:
     """Mutation: nothing beside what is likely."""
     rubs, lags = fitted(rubbed, FRICTION), fitted(rubbed, LAG)
-    assert Slower().ahead_of([lags], [rubs]) == [rubs]
-    assert Slower().ahead_of([rubs], [lags]) == []
+    assert Slower(fitted(rubbed)).ahead_of([lags], [rubs]) == [rubs]
+    assert Slower(fitted(rubbed)).ahead_of([rubs], [lags]) == []
 
 
 def test_an_exchange_does_not_lose_what_the_horizon_needs(
@@ -73,7 +73,7 @@ def test_an_exchange_does_not_lose_what_the_horizon_needs(
     """
     plain, rubs, lags = (fitted(rubbed, *those) for those in ((), (FRICTION,), (LAG,)))
     monkeypatch.setattr(searching, "_instead", lambda _: iter([[cheaper(lags, 1e6)]]))
-    for slower, stays in ((Slower(), True), (None, False)):
+    for slower, stays in ((Slower(fitted(rubbed)), True), (None, False)):
         found = Search(plain, rubs, QUICK, silent, slower=slower)
         searching._exchanged(found)
         assert (found.best is rubs) is stays

@@ -150,7 +150,7 @@ def search(
     with stage("refit"):
         plain = settled(judged(experiments, model, first_x(model, experiments), family))
     ticks = sum(e.ticks for e in experiments)
-    slower = Slower() if family.whitening else None
+    slower = Slower(plain) if family.whitening else None
     found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
     found.keep(plain)
     if begun is not None and begun.model.effects:
@@ -325,7 +325,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
     """Go on from other recordings: what was tried on those before compares with nothing."""
     found.plain, found.best, found.tried = plain, best, {}
-    found.slower = None if found.slower is None else Slower()
+    found.slower = None if found.slower is None else Slower(plain)
     for done in (found.grown, found.looked, found.exchanged):
         done.clear()
     for h in (plain, best):

@@ -7,8 +7,11 @@ gain 58 856 in the next sample and friction 650; over 50 ms it is 4810 against 6
 may buy what a longer horizon pays for. Where the family holds the truth both agree, and nothing
 changes.
 
-Errors count as many times as they are independent in what costs least (`hypothesis.independent`).
-Each hypothesis is fitted a little under that noise, since its numbers were fitted to another.
+Errors count as many times as they are independent without physics (`hypothesis.independent`). Each
+hypothesis is fitted a little under that noise, since its numbers were fitted to another. What is
+not fitted to its end may lag behind by a share of all that is explained (`PURSUIT.lagging`), and
+only what lags by more is clearly worse: on a recording without noise a pendulum lagged behind a
+ripple of one turn, which is the same, by more than near rivals do.
 """
 
 from collections.abc import Sequence
@@ -30,8 +33,9 @@ ROUNDS = 4  # of a descent, once what stands is held against what is to come
 
 @dataclass
 class Slower:
-    """The costs of hypotheses of some recordings over `FAR_S`, by structure."""
+    """The costs of hypotheses of some recordings over `FAR_S`, by structure; plain: no physics."""
 
+    plain: Hypothesis
     family: Family | None = None
     fitted: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
 
@@ -40,26 +44,32 @@ class Slower:
         return self._apart(self._fit(new), self._fit(old))
 
     def first(self, believed: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return hypotheses with the one that is clearly better than the first of them in front."""
+        """Return hypotheses with the first in front that none is clearly better than."""
         best = min(believed, key=lambda h: _cost(self._fit(h)))
-        if best is believed[0] or not self.prefers(best, believed[0]):
-            return list(believed)
-        return [best, *(h for h in believed if h is not best)]
+        front = next(h for h in believed if h is best or not self.prefers(best, h))
+        return [front, *(h for h in believed if h is not front)]
 
     def ahead_of(
         self, likely: Sequence[Hypothesis], more: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Return the one of some more that is clearly better there than all that are likely."""
-        seen = [(self._at(h), h) for h in more]
-        seen = [(there, h) for there, h in seen if there is not None]
+        """Return those of some more that are clearly better there than all that are likely.
+
+        As they stand; of them those that the best is not clearly better than, so many as are likely
+        at most.
+        """
+        seen = [(there, h) for h in more if (there := self._at(h)) is not None]
         if not likely or not seen:
             return []
-        there, best = min(seen, key=lambda one: _cost(one[0]))
         least = min((self._at(h) for h in likely), key=_cost)
-        return [best] if self._apart(least, there) else []
+        best = min((there for there, _ in seen), key=_cost)
+        found = [
+            h for there, h in seen if self._apart(least, there) and not self._apart(there, best)
+        ]
+        return found[: len(likely)]
 
     def _apart(self, worse: Hypothesis | None, better: Hypothesis | None) -> bool:
-        return _cost(worse) - _cost(better) > PURSUIT.near_rival
+        explained = max(_cost(self._fit(self.plain)) - _cost(better), 0.0)
+        return _cost(worse) - _cost(better) > PURSUIT.near_rival + PURSUIT.lagging * explained
 
     def _fit(self, h: Hypothesis) -> Hypothesis | None:
         """A hypothesis fitted a little under noise that looks so far; None where none does."""
@@ -80,7 +90,8 @@ class Slower:
         """A hypothesis as it stands under that noise."""
         with suppress(NoObserver), reason("longer horizon"):
             if self.family is None:
-                own = judged(h.experiments, h.model, h.x, as_far_as(FAR_S, h.experiments))
+                far, bare = as_far_as(FAR_S, h.experiments), self.plain
+                own = judged(bare.experiments, bare.model, bare.x, far)
                 self.family = independent(own, FAR_S).family
             return judged(h.experiments, h.model, h.x, self.family, None, h.prices)
         return None
