@@ -41,14 +41,22 @@ def with_own_clocks(source: Source) -> Source:
     if set(of.values()) != set(clocks) or not _run_apart(list(seconds.values())):
         return source
     signals: dict[str, Signal] = {}
-    for name, clock in of.items():
-        signal, t = source.signals[name], seconds[clock]
+    aside: dict[str, Signal] = {}
+    for name, signal in source.signals.items():
+        if name not in of and name not in clocks:
+            aside[name] = signal
+            continue
+        t = seconds[of.get(name, name)]
         rows = np.isfinite(t)
         lost = None if signal.lost is None else signal.lost[rows]
-        stamps = {"stamp": np.rint(t[rows] * NANOSECONDS).astype(np.int64)}
-        signals[name] = replace(signal, values=signal.values[rows], lost=lost, stamps=stamps)
+        taken = replace(signal, values=signal.values[rows], lost=lost)
+        if name in clocks:
+            aside[name] = taken
+        else:
+            stamps = {"stamp": np.rint(t[rows] * NANOSECONDS).astype(np.int64)}
+            signals[name] = replace(taken, stamps=stamps)
     note = f"{', '.join(clocks)} are clocks of their own, each of the signals beside it"
-    return replace(source, signals=signals, notes=(*source.notes, note))
+    return replace(source, signals=signals, aside=aside, notes=(*source.notes, note))
 
 
 def _is_clock(signal: Signal) -> bool:

@@ -171,7 +171,7 @@ def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
     """Return the signal of the file that has the stamps of another, None where none does."""
     if clock.signal is None or clock.signal in signal.stamps:
         return None
-    if signal.stamps and clock.signal not in source.signals:
+    if signal.stamps and clock.signal not in {*source.signals, *source.aside}:
         raise RecordingError(
             f"{signal.name!r} has no clock {clock.signal!r}; {nearest(clock.signal, signal.stamps)}"
         )

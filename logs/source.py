@@ -58,7 +58,8 @@ class Source:
     kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
     on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
     file of its own; empty in everyone else's. aliases: other names of signals. texts: columns of
-    few different words, (samples,), which tell what each row is of.
+    few different words, (samples,), which tell what each row is of. aside: signals that a
+    description may name and nobody takes unasked, such as a clock that became others' stamps.
     """
 
     path: Path
@@ -69,12 +70,15 @@ class Source:
     about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     aliases: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     texts: Mapping[str, NDArray[np.str_]] = field(default_factory=lambda: MappingProxyType({}))
+    aside: Mapping[str, Signal] = field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, name: str) -> Signal:
         """Return a signal by its name, or by its name and unit as in the file, "angle [deg]"."""
         name = self.aliases.get(name, name)
         if name in self.signals:
             return self.signals[name]
+        if name in self.aside:
+            return self.aside[name]
         for signal in self.signals.values():
             if name in (f"{signal.name} [{signal.unit}]", f"{signal.name} ({signal.unit})"):
                 return signal
