@@ -61,9 +61,9 @@ def test_an_empty_account_divides_by_nothing() -> None:
 
 # What they took when this was written, and a tenth: whoever adds a stage sees here what it costs.
 MOST = {
-    "one mass, clean": 4400,
+    "one mass, clean": 4500,
     "one mass, friction": 9700,
-    "two masses, friction": 14700,
+    "two masses, friction": 15000,
 }
 
 
@@ -72,7 +72,8 @@ def test_a_diagnosis_simulates_no_more_than_it_did(name: str) -> None:
     """Recordings of 4 s, in `quick`. Mutation: any further stage that simulates as much.
 
     One more number of every model (the clock's skew) and three beginnings of a device with friction
-    instead of one brought one mass from 3133 to 4089 and from 7947 to 9561.
+    instead of one brought one mass from 3133 to 4089 and from 7947 to 9561. A longer horizon beside
+    the next sample brought the three from 4267, 9373 and 14 547 to 4458, 9066 and 14 926.
     """
     rig = replace(RIGS[name](), seconds=4.0)
     found = diagnose(rig.device, [rig.experiment()], effort=QUICK)

@@ -287,7 +287,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
     assert of(UNKNOWN_FIT).verdict is Verdict.IDENTIFIED
     unjudged = replace(of(UNKNOWN_FIT), sound=None)
     assert unjudged.verdict is Verdict.UNDECIDED  # whatever was found, nothing has judged it
-    assert "too little was held out" in why(unjudged)
+    assert "there is too little held-out data" in why(unjudged)
 
 
 @pytest.mark.parametrize("at_once", [True, False])

@@ -197,7 +197,7 @@ def test_physics_sets_bounds_by_what_was_recorded():
     asked = {
         "dead_band@command": ("width", 0.6), "saturation@command": ("limit", 0.3),
         "backlash@link12": ("gap", 0.8), "stribeck_friction@m2": ("velocity", 8.0),
-        "force_ripple@m1": ("period", 0.8 / 1.8), "loop_delay@clock": ("delay", 0.05),
+        "force_ripple@m1": ("period", 0.8 / 1.5), "loop_delay@clock": ("delay", 0.05),
         "coulomb_friction@m1": ("level", 0.3), "hysteresis@ground": ("shape", 10.0),
     }  # fmt: skip
     for label, (name, most) in asked.items():
