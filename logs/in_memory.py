@@ -1,7 +1,8 @@
 """Tables that a program holds: data frames, dictionaries of arrays, arrays; as signals by name.
 
-A frame of pandas or polars is asked for nothing but `columns`, its columns and `__array__`, so that
-neither library is needed. An index of times or of numbers that are no row numbers is a column, too.
+A frame of pandas or polars or a table of Arrow is asked for nothing but the names of its columns,
+those and `__array__`, so that no such library is needed. An index of times or of numbers that are
+no row numbers is a column, too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -62,7 +63,9 @@ def _columns(given: AnyTable) -> list[tuple[str, Any]]:
         return [(str(k), given[:, k]) for k in range(given.shape[1])]
     if isinstance(given, Mapping):
         return [(str(column), np.asarray(values)) for column, values in given.items()]
-    found = [(str(column), np.asarray(given[column])) for column in given.columns]
+    # A table of Arrow has the columns themselves in `columns`, and their names here.
+    names = getattr(given, "column_names", given.columns)
+    found = [(str(column), np.asarray(given[column])) for column in names]
     index = getattr(given, "index", None)
     if index is not None and not callable(index):
         values = np.asarray(index)

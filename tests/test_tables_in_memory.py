@@ -53,6 +53,12 @@ def test_frames(library: str) -> None:
     same(read(frame.set_index("when") if library == "pandas" else frame, {"time": "when"}))
 
 
+def test_a_table_of_arrow() -> None:
+    """Mutation: its columns taken for their names."""
+    arrow = importlib.import_module("pyarrow")
+    same(read(arrow.table({"a": T, "b": U, "c": Q}), NAMED))
+
+
 def test_the_errors_name_the_argument() -> None:
     with pytest.raises(RecordingError, match=r"command is 'torqe', no column.*'torque'"):
         trace_of({"t": T, "torque": U, "angle": Q}, {"command": "torqe"})
