@@ -65,7 +65,8 @@ class Pursuit:
     lagging: float = 0.2
     """Of all that the best explains, by which another may lag behind it once its noise is its own
     and still be fitted to its end. Tuned: on a rig of four effects with play such fits gained 0.01
-    to 0.08 of it."""
+    to 0.08 of it. Also what is not fitted to its end may lag behind over a longer horizon before it
+    is clearly worse there (`selection.slower`)."""
 
     no_sign: float = 10.0
     """Chi-square to first order, below which a start says nothing. Tuned: the noise of a few
@@ -160,6 +161,10 @@ class Verdict:
 
     worse_run: float = 1.5
     """As `worse_force` of whole runs, which drift. Tuned, as `worse_force`."""
+
+    as_much: float = 0.8
+    """Of what a force over one quantity explains, from which one over another is said beside it.
+    Convention: which of them is more does not tell what the force depends on."""
 
     worse_file: float = 1.2
     """Times the error of the device file, from which a user is warned of an answer. Convention."""

@@ -176,8 +176,8 @@ class LearnedLaw(Law):
     def absorbed(self) -> str:
         """Say which names were part of the curve, "" for none."""
         gone = self.curve.absorbed
-        was = "was" if len(gone) == 1 else "were"
-        return f"{listed(gone)} {was} not needed any more: this curve includes it" if gone else ""
+        was, it = ("was", "it") if len(gone) == 1 else ("were", "them")
+        return f"{listed(gone)} {was} not needed any more: this curve includes {it}" if gone else ""
 
     @property
     def size(self) -> str:

@@ -22,7 +22,6 @@ from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
 
 LISTED = 3  # effects, rivals or parameters in a sentence; of more it says how many
-NEAR = 0.8  # of what the best force explains, from which another one is named beside it
 UNNAMED = "something is missing that has no name in the library"
 
 
@@ -434,7 +433,7 @@ def where(located: Located, masses: int) -> str:
         return located.sentence
     if not stands_out(top):
         return "no force that follows position, velocity, command or time stands out from the noise"
-    near = [m for m in located.maps if m.gained >= NEAR * top.gained]
+    near = [m for m in located.maps if m.gained >= VERDICT.as_much * top.gained]
     near.sort(key=lambda m: -m.gained)
     at = listed(
         [place_in_words(place_at(p), masses) for p in dict.fromkeys(m.place for m in near)], "or"
