@@ -13,7 +13,7 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
-from zwidth.diagnosis.answer.learned import Asked, learned, learned_over_two, replacement
+from zwidth.diagnosis.answer.learned import Asked, beside_names, learned, learned_over_two
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Diagnosis, Residuals, Verdict
 from zwidth.diagnosis.answer.stands import Stands, ends_badly, what_stands
@@ -118,9 +118,8 @@ def _law(
 ) -> tuple[LearnedLaw | LearnedSurface | None, bool, bool]:
     """A law without a name, whether it is said rather than names, and whether it was interrupted.
 
-    Where names do not explain it all, or chance alone explains what free runs err by; rather than
-    several names, where it costs less than they do; and where one of the names is a ripple, which
-    is one sine of whatever repeats.
+    Where names do not explain it all, or chance alone explains what free runs err by; and beside
+    or in the place of names that do, where their free runs err more than noise makes them.
     """
     by, because, free = stands.by, reason(facts), facts.free
     unnamed = because.verdict is Verdict.UNKNOWN_PHYSICS or because is Reason.STRAY
@@ -133,13 +132,11 @@ def _law(
     try:
         asked = Asked(device, by, stands.taken.judge_by, say)
         if named:
-            law = attempt("learn", "a law of no name", partial(replacement, asked, free))
-            if law is not None or all(f.effect != "force_ripple" for f in facts.findings):
-                return law, law is not None, False
-        law = one = attempt("learn", "a law of no name", partial(learned, asked, free, named))
-        if unnamed:
-            two = partial(learned_over_two, asked, free, one)
-            law = attempt("learn", "a law over two states", two) or one
+            told = attempt("learn", "a law of no name", partial(beside_names, asked, free))
+            return (*(told or (None, False)), False)
+        law = one = attempt("learn", "a law of no name", partial(learned, asked, free))
+        two = partial(learned_over_two, asked, free, one)
+        law = attempt("learn", "a law over two states", two) or one
     except KeyboardInterrupt:
         return law, False, True
     return law, False, False

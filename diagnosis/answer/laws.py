@@ -65,14 +65,24 @@ class Law(ABC):
     def energy(self) -> str:
         """Say whether it ever makes energy."""
 
+    @property
+    @abstractmethod
+    def extent(self) -> str:
+        """Say how large it is, over what, of which form, and its worth."""
+
     @abstractmethod
     def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        """Say it as the first line of an answer: where it acts, and its extent."""
 
     @property
     @abstractmethod
     def sentence(self) -> str:
         """Say what was learned, and what it is worth."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether it repeats over position, and so is what a ripple is one sine of."""
+        return False
 
     @property
     def rotary(self) -> bool:
@@ -122,6 +132,11 @@ class LearnedLaw(Law):
     whole: bool
 
     @property
+    def turns(self) -> bool:
+        """Whether it repeats over position, and so is what a ripple is one sine of."""
+        return self.curve.period > 0.0
+
+    @property
     def letter(self) -> str:
         """What the formulas call the state."""
         return LETTERS[self.curve.physics.effect.name]
@@ -139,22 +154,24 @@ class LearnedLaw(Law):
         repeats = f", repeating every {with_unit(period, length, 4)}," if period else ""
         return f"{self.curve.over}{repeats}"
 
+    @property
+    def extent(self) -> str:
+        """Say how large it is, over what, of which form, and its worth."""
+        reads = self.curve.physics.effect.name == "free_sensor"
+        unit = ("rad" if self.rotary else "m") if reads else self.force_unit
+        most = with_unit(float(np.abs(self.curve.forces).max()), unit, 2)
+        alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
+        return f"up to {most} over {self.over.rstrip(',')}{self._looks(alike)}; {self.worth}"
+
     def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        """Say it as the first line of an answer: where it acts, and its extent."""
         curve = self.curve
         name = curve.physics.effect.name
         what = {
             "free_amplifier": "something is added to the command",
             "free_sensor": "the reading errs",
         }.get(name, f"a force acts {place_in_words(curve.physics.place, masses)}")
-        length = "rad" if self.rotary else "m"
-        unit = length if name == "free_sensor" else self.force_unit
-        most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
-        return (
-            f"{what} that has no name in the library: up to {most} over {self.over.rstrip(',')}"
-            f"{self._looks(alike)}; {self.worth}"
-        )
+        return f"{what} that has no name in the library: {self.extent}"
 
     def _looks(self, like: str) -> str:
         if not self.formulas:
@@ -290,15 +307,18 @@ class LearnedSurface(Law):
         """Which names were part of it: of a surface, those are said to be replaced."""
         return ""
 
-    def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where, over what, of which form, its worth."""
-        curve = self.curve
-        most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), self.force_unit, 2)
+    @property
+    def extent(self) -> str:
+        """Say how large it is, over what, of which form, and its worth."""
+        most = float(np.abs(self.curve.at(*self.curve.seen.T)).max())
         looks = f", which looks like {self.form}" if self.forms else ""
-        return (
-            f"a force acts {place_in_words(curve.physics.place, masses)} that has no name in the"
-            f" library: up to {most} over {self.over} together{looks}; {self.worth}"
-        )
+        size = with_unit(most, self.force_unit, 2)
+        return f"up to {size} over {self.over} together{looks}; {self.worth}"
+
+    def headline(self, masses: int) -> str:
+        """Say it as the first line of an answer: where it acts, and its extent."""
+        at = place_in_words(self.curve.physics.place, masses)
+        return f"a force acts {at} that has no name in the library: {self.extent}"
 
     @property
     def sentence(self) -> str:

@@ -10,7 +10,7 @@ from zwidth.diagnosis.answer.adequacy import beyond_noise, oftener_freer
 from zwidth.diagnosis.answer.held_out import free_share, held_out
 from zwidth.diagnosis.answer.laws import Law, LearnedLaw, LearnedSurface, factors, like_what
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.learning.curves import Learned, laws, replacing
+from zwidth.diagnosis.learning.curves import Learned, laws, promising, replacing
 from zwidth.diagnosis.learning.surfaces import surfaces
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
@@ -83,19 +83,18 @@ class Asked:
             yield replace(tried, plain=plain, best=best, tried={})
 
 
-def learned(asked: Asked, names: HeldOut, turns: bool = False) -> LearnedLaw | None:
+def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
     """Learn a law where names do not explain a recording; None where none holds on other data.
 
     By what the next sample shows, and by what shows over a longer horizon: where noise of slow
     forces is what a hypothesis believes in, the next sample tells little of a law, and a motion of
     half a second tells much. The likeliest of each first; of those that hold on held-out data that
     which errs less there, and where neither does the next of each, as of names. names: free runs on
-    held-out data of what is named. turns: only what repeats, in the place of a ripple that is
-    named.
+    held-out data of what is named.
     """
-    asked.say("learning what repeats" if turns else "no known effect explains it: learning a law")
+    asked.say("no known effect explains it: learning a law")
     hopeful = partial(asked.hopeful, names)
-    horizons = [(search, laws(search, asked.say, turns, hopeful)) for search in asked.horizons()]
+    horizons = [(search, laws(search, asked.say, hopeful)) for search in asked.horizons()]
     for _ in range(LAWS):
         told = [
             one
@@ -151,18 +150,25 @@ def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
     return None
 
 
-def replacement(asked: Asked, names: HeldOut) -> LearnedLaw | None:
-    """Return a law in the place of names that explain a recording; None where these stand.
+def beside_names(asked: Asked, names: HeldOut) -> tuple[LearnedLaw | None, bool]:
+    """Return a law where names explain a recording, and whether it stands in the place of several.
 
-    What is named may be a sum of names near a law that is in no library. As `learned`.
+    What is named may be a sum of names near a law that is in no library, or lack a part of what
+    follows one state. Asked only where some rounds of a fit promise a law beside the names: what
+    is better in their place is, to begin with, better beside them. As `learned`; None where the
+    names stand.
     """
-    tried = asked.found.tried
-    if len(tried.best.model.effects) < 2:
-        return None
+    tried, hopeful = asked.found.tried, partial(asked.hopeful, names)
+    tables = promising(tried.best, asked.say, hopeful)
+    if not tables:
+        return None, False
     asked.say("checking whether one learned law explains as much as these effects together")
-    hopeful = partial(asked.hopeful, names)
     for curve in itertools.islice(replacing(tried, asked.say, hopeful), LAWS):
         law = asked.judged(tried, curve, names)
         if law is not None:
-            return law
-    return None
+            return law, True
+    for curve in itertools.islice(laws(tried, asked.say, hopeful, tables), LAWS):
+        law = asked.judged(tried, curve, names)
+        if law is not None:
+            return law, False
+    return None, False

@@ -30,6 +30,7 @@ class Reason(Enum):
     LEFT = "a force is left that has no name"
     INADEQUATE = "free runs on held-out data err farther than noise makes them, or no less"
     BAD = "the fit ended where it may not"
+    MORE = "a learned law is needed beside the names"
     ONE_REGIME = "a name holds in one regime only"
     DISTURBED = "chance must explain too much beside the names"
     UNJUDGED = "no held-out data judge the names"
@@ -169,6 +170,8 @@ def _of_names(f: Facts) -> Reason:
     """Whether the names may be said, where nothing else is left beside them."""
     if f.bad:
         return Reason.BAD
+    if f.law is not None and not f.law.turns:  # which is a ripple's own shape
+        return Reason.MORE
     if any(h.fails for one in f.findings for h in one.regimes):
         return Reason.ONE_REGIME
     if f.strays:

@@ -247,10 +247,13 @@ def _rivals(f: Facts, names: str) -> str:
 
 def _unknown(f: Facts, because: Reason) -> str:
     """How far the names go, and what is known of the rest."""
-    gone = () if f.law is None else f.law.curve.replaced
+    detailed = because is Reason.MORE and f.law is not None and bool(f.law.curve.replaced)
+    gone = () if f.law is None or detailed else f.law.curve.replaced
     named = [one for one in f.findings if f"{one.effect} at {one.at}" not in gone]
     names = all_in_words(named, f.masses)
     is_ = "is" if len(named) == 1 else "are"
+    if detailed and f.law is not None:
+        return f"{names} {is_} missing; a learned curve describes this better, {f.law.extent}"
     if f.law is not None:
         return (f"{names} {is_} missing, and " if names else "") + f.law.headline(f.masses)
     if f.other is not None:
@@ -346,6 +349,8 @@ def why(f: Facts) -> str:
             told = _inadequate(f.sound)
         case Reason.BAD:
             told = f.bad
+        case Reason.MORE:
+            told = "the names explain the recording only in part"
         case Reason.ONE_REGIME:
             told = _one_regime(f)
         case Reason.DISTURBED:

@@ -26,10 +26,11 @@ the device file says.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_ov
 from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.learning.where import (
     Site,
+    begun,
     beside,
     law_over,
     site_at,
@@ -150,6 +152,58 @@ def learn(found: Search, say: Say) -> Learned | None:
     return next(laws(found, say), None)
 
 
+@dataclass(frozen=True)
+class Table:
+    """A law of many points beside a hypothesis, before it is fitted.
+
+    first: the tables that a fit begins from; begun: some rounds downhill from the first, where
+    these were made.
+    """
+
+    base: Hypothesis
+    site: Site
+    first: tuple[Physics, ...] = ()
+    begun: Hypothesis | None = None
+
+    def after_some_rounds(self) -> Hypothesis | None:
+        """What it is some rounds downhill, which tells whether a law may be there."""
+        if self.begun is not None:
+            return self.begun
+        return begun(self.base, *beside(self.base.model, self.base.x, self.site, self.first[0]))
+
+    def fitted(self, say: Say) -> Hypothesis | None:
+        """What it is at the end of a fit; None where no observer follows."""
+        site = self.site
+        if self.begun is None:
+            say(f"learning what repeats every {site.period:.3g} at {site.at}")
+            fits = [h for law in self.first if (h := _fitted(self.base, site, law)) is not None]
+            return min(fits, key=lambda h: h.cost.total, default=None)
+        say(f"learning a law over {_at_what(site)}")
+        h = attempt("learn", site.at, partial(settled, self.begun))
+        if h is not None and not np.isfinite(h.cost.total):  # not all of its points are told
+            law = law_over(site, FEW, False)
+            h = None if law is None else _fitted(self.base, site, law)
+        return h
+
+
+def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
+    """Return the laws of many points that are worth fitting beside what a hypothesis has.
+
+    After a few rounds downhill such a table runs freer where a law is, and not where the names are
+    all there is: a small part of what it takes to learn one tells.
+    """
+    say("checking whether a learned curve would improve free runs")
+    tables = chain(_over_states(base), _over_turns(base))
+    return [t for t in tables if (h := t.after_some_rounds()) is not None and hopeful(h)]
+
+
+def _fits(tables: Iterable[Table], say: Say) -> Iterator[Begun]:
+    for table in tables:
+        h = table.fitted(say)
+        if h is not None:
+            yield h, table.site
+
+
 def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:
     """Yield laws that are believed over names of which they need two or more no longer.
 
@@ -160,7 +214,8 @@ def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Le
     if many < LAWS.stands_for:
         return
     bases = [found.best] * (many > LAWS.stands_for) + [found.plain]
-    for curve in _believed_laws(found, bases, say, False, hopeful):
+    tables = chain.from_iterable(_over_states(base) for base in bases)
+    for curve in _believed_laws(found, _fits(tables, say), say, hopeful):
         h = curve.hypothesis
         less = len(curve.replaced) >= LAWS.stands_for
         believable = less and believed(h.cost, found.best.cost, against(h, found.best).phi)
@@ -199,30 +254,31 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
 
 
 def laws(
-    found: Search, say: Say, turns: bool = False, hopeful: Hopeful = always
+    found: Search, say: Say, hopeful: Hopeful = always, tables: Sequence[Table] | None = None
 ) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
-    The order is that of what the points that pay promise. turns: only what repeats, in a ripple's
-    place. hopeful: whether a table of all its points is worth the search for those that pay, which
-    takes some twenty fits.
+    The order is that of what the points that pay promise. hopeful: whether a table of all its
+    points is worth the search for those that pay, which takes some twenty fits. tables: those that
+    are asked; without, all beside the names, and all in their place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    yield from _believed_laws(found, bases, say, turns, hopeful)
+    if tables is None:
+        every = chain.from_iterable(chain(_over_states(b), _over_turns(b)) for b in bases)
+    else:
+        every = iter(tables)
+    yield from _believed_laws(found, _fits(every, say), say, hopeful)
 
 
 def _believed_laws(
-    found: Search, bases: Sequence[Hypothesis], say: Say, turns: bool, hopeful: Hopeful
+    found: Search, fitted: Iterable[Begun], say: Say, hopeful: Hopeful
 ) -> Iterator[Learned]:
-    """The same beside what each of some bases has."""
+    """The same of laws of many points that were fitted."""
     least = min((found.best, found.plain), key=lambda h: h.cost.total)
-    begun: dict[tuple[str, str, float], list[Begun]] = {}
-    for base in bases:
-        for h, site in [] if turns else _over_states(base, say):
-            begun.setdefault((site.effect, site.at, 0.0), []).append((h, site))
-        for h, site in over_turns(base, say):
-            begun.setdefault((site.effect, site.at, site.period), []).append((h, site))
-    for each in sorted(begun.values(), key=_promise):
+    every: dict[tuple[str, str, float], list[Begun]] = {}
+    for h, site in fitted:
+        every.setdefault((site.effect, site.at, site.period), []).append((h, site))
+    for each in sorted(every.values(), key=_promise):
         if _promise(each) > least.cost.total + LAWS.hope:
             break
         near = [one for one in each if _promise([one]) < _promise(each) + PURSUIT.hopeless]
@@ -266,23 +322,23 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     return True
 
 
-def _over_states(base: Hypothesis, say: Say) -> Iterator[Begun]:
+def _over_states(base: Hypothesis) -> Iterator[Table]:
     """Yield laws of many points beside what a hypothesis has, where they would gain most."""
     found = None if base.slopes is None else attempt("learn", "where", partial(sites, base, ASKED))
-    for site, begun in found or ():
-        say(f"learning a law over {_at_what(site)}")
-        h = attempt("learn", site.at, partial(settled, begun))
-        if h is not None and not np.isfinite(h.cost.total):  # not all of its points are told
-            law = law_over(site, FEW, False)
-            h = None if law is None else _fitted(base, site, law)
-        if h is not None:
-            yield h, site
+    for site, h in found or ():
+        yield Table(base, site, begun=h)
 
 
 def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
-    """Yield laws of one turn in the place of each ripple of a hypothesis, fitted.
+    """Yield laws of one turn in the place of each ripple of a hypothesis, fitted."""
+    yield from _fits(_over_turns(base), say)
 
-    A ripple is one sine of what repeats; what repeats may have any shape.
+
+def _over_turns(base: Hypothesis) -> Iterator[Table]:
+    """Yield laws of one turn in the place of each ripple of a hypothesis.
+
+    A ripple is one sine of what repeats; what repeats may have any shape. It begins as that sine,
+    and as nothing.
     """
     for i, p in enumerate(base.model.effects_at(base.x)):
         if base.slopes is None or p.effect.name != "force_ripple" or p.place.kind != "mass":
@@ -291,17 +347,13 @@ def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
         scale = base.model.scales[i].get("period", 0.0)
         there = site_at(base, moved, "free_spring", p.at)
         site = replace(there, period=p.values["period"], scale=scale)
-        say(f"learning what repeats every {site.period:.3g} at {site.at}")
         model, x = base.model.less(base.x, i)
         at = points_over(site.states, OF_A_TURN, False, site.period)
         sine = None if at is None else along(p, site.effect, at)
         if at is None or sine is None:
             continue
-        without = replace(base, model=model, x=x)
-        begun = [table(site.effect, site.at, at, f, False, site.period) for f in (sine, 0.0 * sine)]
-        fits = [h for law in begun if (h := _fitted(without, site, law)) is not None]
-        if fits:
-            yield min(fits, key=lambda h: h.cost.total), site
+        first = (table(site.effect, site.at, at, f, False, site.period) for f in (sine, 0.0 * sine))
+        yield Table(replace(base, model=model, x=x), site, tuple(first))
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
