@@ -65,6 +65,7 @@ MAX_SWEEPS = 200
 # Of scalars; EARLIER to GIVEN only where the interface has several rates or a second-order filter.
 READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, BEGAN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
+OFF, SOONER = 2, 3  # rows of `turn`'s own: by how much a mass is off where it is, and s f_0
 
 
 class Memory(NamedTuple):
@@ -324,6 +325,15 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
     substep, the mean s f_0 + (1 - s) f, f within its bounds, does what f_0 and then f would: the
     bounds shrink towards f_0, and the same complementarity problem is solved again for what is to
     be added. Without this a turn is late by half a substep on average, with it second order.
+
+    What the mean does not do is to put the mass where it would be, since f_0 came first. From the
+    impulses of either, x_1 = int_0^h (h - t) f(t) dt / m, it is off by
+
+        h^2 / (2 m) [s (2 - s) f_0 + (1 - s)^2 f_1 - f] = h^2 / (2 m) s (f_0 - f),
+
+    f = s f_0 + (1 - s) f_1 the mean, and f_1 what acts after the turn: the bound, or what holds a
+    mass that stops. h^2 / (2 m) is the response of a position to a held force. It stands in `own`
+    for `placed`; a run, whose ledger books force times displacement, goes without.
     """
     turned = False
     for i in range(dof):
@@ -332,6 +342,8 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
         own[LOCKED, i] = limits[LOCKED, i]
         own[LOWER, i] = 0.0
         own[UPPER, i] = 0.0
+        own[OFF, i] = 0.0
+        own[SOONER, i] = 0.0
         if any_lane(free):
             f, v = friction[i], x0[row]
             low, high = limits[LOWER, i], limits[UPPER, i]
@@ -341,6 +353,8 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
             if any_lane(turns):
                 share = v / select(turns, v - end, 1.0)
                 then = share * before
+                own[OFF, i] = select(turns, share, 0.0)
+                own[SOONER, i] = select(turns, then, 0.0)
                 low = select(turns, then + (1.0 - share) * low, low)
                 high = select(turns, then + (1.0 - share) * high, high)
                 turned = turned | turns
@@ -353,6 +367,17 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
         slide(p, dof, states, own, more, x)
         for i in range(dof):
             friction[i] += more[i]
+            off = own[SOONER, i] - own[OFF, i] * friction[i]
+            own[OFF, i] = entry(p, i, states + 1 + i) * off
+
+
+@part
+def placed(eq, x, own):
+    """Put masses that turned inside the last substep where they are, in place (`turn`)."""
+    if eq.frictions.codes.size > 0:
+        for i in range(eq.dof):
+            if any_lane(own[OFF, i] != 0.0):
+                x[i] = x[i] + own[OFF, i]
 
 
 @part

@@ -32,6 +32,7 @@ from zwidth.sim.kernel import (
     Scratch,
     amplify,
     arrives,
+    placed,
     read_sensor,
     scratch,
     substep,
@@ -380,6 +381,7 @@ def predict(
                 held = before if segment == 0 else current
                 for step in range(now.substeps[segment]):
                     substep(now, tick, segment, step, held, strength, force, memory, space)
+                    placed(now, x, space.own)
             if look == 1:
                 for i in range(eq.states):
                     x[i] = select(again, x[i], saved.coarse_x[i])
