@@ -14,7 +14,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics
 
 SECONDS, REFERENCE = 5.0, 512
-SUBSTEPS = (4, 8, 16, 32, 64)
+SUBSTEPS = (2, 4, 8, 16, 32, 64)
 LAWS = {
     "coulomb_friction": {"level": 4e-3},
     "stribeck_friction": {"level": 3e-3, "static_level": 5e-3, "velocity": 1.0},

@@ -65,6 +65,7 @@ MAX_SWEEPS = 200
 # Of scalars; EARLIER to GIVEN only where the interface has several rates or a second-order filter.
 READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, BEGAN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
+CROSSED = 3  # steps to where a parabola crosses zero, from where a line does
 OFF, SOONER = 2, 3  # rows of `turn`'s own: by how much a mass is off where it is, and s f_0
 
 
@@ -317,14 +318,19 @@ def slide(p, dof, states, limits, friction, x):
 
 
 @part
-def turn(p, dof, states, limits, friction, x0, x, own, more):
+def turn(p, h, dof, states, limits, friction, x0, x, own, more):
     """Give each mass that turned or stopped inside the substep its old friction until then.
 
     Of a substep that begins with v_0 under the bound f_0 against it and would end with v_1 on the
-    other side, v_0 / (v_0 - v_1) = s passes before v = 0 (v linear in time). Held over the
-    substep, the mean s f_0 + (1 - s) f, f within its bounds, does what f_0 and then f would: the
-    bounds shrink towards f_0, and the same complementarity problem is solved again for what is to
-    be added. Without this a turn is late by half a substep on average, with it second order.
+    other side, s passes before v = 0. With v a parabola in time that moves the mass as far as f_0
+    would, by d,
+
+        v_0 + s (v_1 - v_0) + c s (1 - s) = 0,    c = 6 (d / h - (v_0 + v_1) / 2).
+
+    Held over the substep, the mean s f_0 + (1 - s) f, f within its bounds, does what f_0 and then f
+    would: the bounds shrink towards f_0, and the same complementarity problem is solved again for
+    what is to be added. Without this a turn is late by half a substep on average; with v a line
+    (c = 0) four substeps are six times as far off on a light chain.
 
     What the mean does not do is to put the mass where it would be, since f_0 came first. From the
     impulses of either, x_1 = int_0^h (h - t) f(t) dt / m, it is off by
@@ -351,7 +357,13 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
             end = x[row] + entry(p, row, states + 1 + i) * (before - f)
             turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
             if any_lane(turns):
-                share = v / select(turns, v - end, 1.0)
+                went = x[i] + entry(p, i, states + 1 + i) * (before - f) - x0[i]
+                bend = 6.0 * (went / h - 0.5 * (v + end))
+                straight = select(turns, v - end, 1.0)
+                share = v / straight
+                for _ in range(CROSSED):
+                    share = (v + bend * share * (1.0 - share)) / straight
+                    share = greatest(0.0, least(1.0, share))
                 then = share * before
                 own[OFF, i] = select(turns, share, 0.0)
                 own[SOONER, i] = select(turns, then, 0.0)
@@ -420,7 +432,7 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
         propagate(p, before, columns, x)
         if dry:
             slide(p, eq.dof, eq.states, limits, friction, x)
-            turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
+            turn(p, h, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
         advance_internal(eq, before, x, internal, h, held, strength, after)
     for e in range(values.size):
         internal[e] = after[e]
