@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from zwidth.sim.estimators.difference import DIFFERENCE
 from zwidth.sim.estimators.dispatch import slope_of
 from zwidth.sim.jit import jit, part
-from zwidth.sim.lane_type import any_lane, greatest, least, select
+from zwidth.sim.lane_type import any_lane, greatest, least, root, select
 from zwidth.sim.physics.command_step import quantise_command
 from zwidth.sim.physics.dispatch import (
     INTEGRAL,
@@ -65,8 +65,8 @@ MAX_SWEEPS = 200
 # Of scalars; EARLIER to GIVEN only where the interface has several rates or a second-order filter.
 READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, BEGAN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
-CROSSED = 3  # steps to where a parabola crosses zero, from where a line does
-OFF, SOONER = 2, 3  # rows of `turn`'s own: by how much a mass is off where it is, and s f_0
+# Rows of `turn`'s own: by how much a mass is off where it is, s f_0, and work left to be booked.
+OFF, SOONER, LEFT = 2, 3, 3
 
 
 class Memory(NamedTuple):
@@ -325,12 +325,19 @@ def turn(p, h, dof, states, limits, friction, x0, x, own, more):
     other side, s passes before v = 0. With v a parabola in time that moves the mass as far as f_0
     would, by d,
 
-        v_0 + s (v_1 - v_0) + c s (1 - s) = 0,    c = 6 (d / h - (v_0 + v_1) / 2).
+        v_0 + s (v_1 - v_0) + c s (1 - s) = 0,    c = 6 (d / h - (v_0 + v_1) / 2),
 
-    Held over the substep, the mean s f_0 + (1 - s) f, f within its bounds, does what f_0 and then f
-    would: the bounds shrink towards f_0, and the same complementarity problem is solved again for
-    what is to be added. Without this a turn is late by half a substep on average; with v a line
-    (c = 0) four substeps are six times as far off on a light chain.
+    of whose roots one lies between: s = 2 v_0 / (b +- sqrt(b^2 + 4 c v_0)), b = v_0 - v_1 - c, with
+    the sign of v_0. Held over the substep, the mean s f_0 + (1 - s) f, f within its bounds, does
+    what f_0 and then f would: the bounds shrink towards f_0, and the same complementarity problem
+    is solved again for what is to be added. Without this a turn is late by half a substep on
+    average; with v a line (c = 0) four substeps are six times as far off on a light chain. What
+    acts early is in part forgotten by the end, in a fluid or on a spring: where an impulse leaves
+    1 - a t / h of its speed after t, a held force moves the mass by Q and changes its speed by V,
+
+        Q / (h V) = (1 / 2 - a / 6) / (1 - a / 2),    a = 12 (Q / (h V) - 1 / 2) to first order,
+
+    and f_0 counts s - a s (1 - s) / 2 of the substep.
 
     What the mean does not do is to put the mass where it would be, since f_0 came first. From the
     impulses of either, x_1 = int_0^h (h - t) f(t) dt / m, it is off by
@@ -339,7 +346,7 @@ def turn(p, h, dof, states, limits, friction, x0, x, own, more):
 
     f = s f_0 + (1 - s) f_1 the mean, and f_1 what acts after the turn: the bound, or what holds a
     mass that stops. h^2 / (2 m) is the response of a position to a held force. It stands in `own`
-    for `placed`; a run, whose ledger books force times displacement, goes without.
+    for `placed`, since the ledger books the work of what was held over what was moved by it.
     """
     turned = False
     for i in range(dof):
@@ -354,19 +361,20 @@ def turn(p, h, dof, states, limits, friction, x0, x, own, more):
             f, v = friction[i], x0[row]
             low, high = limits[LOWER, i], limits[UPPER, i]
             before = select(v > 0.0, low, high)
-            end = x[row] + entry(p, row, states + 1 + i) * (before - f)
+            speeds = entry(p, row, states + 1 + i)
+            end = x[row] + speeds * (before - f)
             turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
             if any_lane(turns):
-                went = x[i] + entry(p, i, states + 1 + i) * (before - f) - x0[i]
+                moves = entry(p, i, states + 1 + i)
+                went = x[i] + moves * (before - f) - x0[i]
                 bend = 6.0 * (went / h - 0.5 * (v + end))
-                straight = select(turns, v - end, 1.0)
-                share = v / straight
-                for _ in range(CROSSED):
-                    share = (v + bend * share * (1.0 - share)) / straight
-                    share = greatest(0.0, least(1.0, share))
-                then = share * before
+                falls = v - end - bend
+                wide = root(greatest(0.0, falls * falls + 4.0 * bend * v))
+                share = 2.0 * v / select(turns, falls + select(v > 0.0, wide, -wide), 1.0)
                 own[OFF, i] = select(turns, share, 0.0)
-                own[SOONER, i] = select(turns, then, 0.0)
+                own[SOONER, i] = select(turns, share * before, 0.0)
+                share -= (6.0 * moves / (h * speeds) - 3.0) * share * (1.0 - share)
+                then = share * before
                 low = select(turns, then + (1.0 - share) * low, low)
                 high = select(turns, then + (1.0 - share) * high, high)
                 turned = turned | turns
@@ -390,6 +398,27 @@ def placed(eq, x, own):
         for i in range(eq.dof):
             if any_lane(own[OFF, i] != 0.0):
                 x[i] = x[i] + own[OFF, i]
+                own[OFF, i] = 0.0 * own[OFF, i]
+
+
+@part
+def place_booked(eq, w, x, own):
+    """Do the same, and note what of the springs' energy no held force w brought: the friction's.
+
+    It is of third order, and stands in `own` for `share_friction`.
+    """
+    start = eq.states + 1
+    for i in range(eq.dof if eq.frictions.codes.size > 0 else 0):
+        by = own[OFF, i]
+        own[LEFT, i] = 0.0
+        if by != 0.0:
+            push = w[start + i]
+            if i == 0 and not eq.lagging:
+                push += w[eq.states]
+            before = stored_energy(eq, x)
+            x[i] += by
+            own[LEFT, i] = stored_energy(eq, x) - before - push * by
+            own[OFF, i] = 0.0
 
 
 @part
@@ -441,12 +470,16 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
 
 @part
 def add_work(eq, segment, members, external, x1, scratch, totals):
-    """Add the last substep, to x1: motor, lag and dampers by their forms, the rest f dq."""
+    """Add the last substep, to x1: motor, lag and dampers by their forms, the rest f dq.
+
+    Masses that turned are put where they are first (`place_booked`), in place.
+    """
     w, values, friction = scratch.before, scratch.values, scratch.friction
     n = eq.columns
     start = eq.states + 1
     for i in range(eq.dof):
         w[start + i] += friction[i]
+    place_booked(eq, w, x1, scratch.own)
     forms = eq.quadratics[segment, int(members)]
     for e in range(forms.shape[0]):
         if e == 0 and not eq.lagging:
@@ -475,19 +508,20 @@ def add_work(eq, segment, members, external, x1, scratch, totals):
         i, j = table.first[e], table.second[e]
         totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(w, 0, i, j))
     slot += table.codes.size
-    share_friction(eq, w, x1, friction, scratch.limits, scratch.shares, totals, slot)
+    share_friction(eq, w, x1, friction, scratch, totals, slot)
 
 
 @part
-def share_friction(eq, x0, x1, friction, limits, shares, totals, slot):
+def share_friction(eq, x0, x1, friction, scratch, totals, slot):
     """Dissipation of each dry force; several at one mass share it by their bounds."""
-    table = eq.frictions
+    table, limits, shares = eq.frictions, scratch.limits, scratch.shares
     for e in range(table.codes.size):
         i = table.first[e]
         f = friction[i]
         if f != 0.0:
             side = 1 if f > 0.0 else 0
-            totals[slot + e] -= f * shares[e, side] / limits[side, i] * (x1[i] - x0[i])
+            work = f * (x1[i] - x0[i]) + scratch.own[LEFT, i]
+            totals[slot + e] -= work * shares[e, side] / limits[side, i]
 
 
 @part
@@ -661,6 +695,7 @@ def advance(
                     members = substep(eq, tick, segment, step, held, 1.0, force, memory, scratch)
                     if memory.totals.size > 0:
                         add_work(eq, segment, members, force, x, scratch, memory.totals)
+                    placed(eq, x, scratch.own)
                 if fine.shape[0] > 0:
                     for i in range(eq.states):
                         fine[row, i] = x[i]

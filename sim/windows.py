@@ -21,6 +21,7 @@ from zwidth.sim.kernel import (
     estimate,
     fed_back,
     given,
+    placed,
     read_position,
     substep,
     told,
@@ -159,6 +160,7 @@ def run_windows(device, space, banks, weights, results):
                             propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                             continue
                         substep(eq, tick, segment, step, held, 1.0, none, memory, scratch)
+                        placed(eq, x, scratch.own)
                 tick += 1
                 alive = alive & (abs(x[0]) <= bank.bounds[g])
             measures[window, SLOW_ENERGY, g] = select(alive, slow, np.inf)

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from physics_examples import phantom
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from zwidth.controllers.none import none
+from zwidth.diagnosis.noise.predictor import Fineness, innovations, prepared
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, equations
@@ -68,13 +71,24 @@ def _only(solutions: Iterator[Floats]) -> Floats:
 
 
 def _turning(
-    start: Floats, w: Floats, v: Floats, f: Floats, levels: Floats
+    start: Floats, w: Floats, v: Floats, f: Floats, levels: Floats, went: Floats, places: Floats
 ) -> tuple[Floats, Floats]:
-    """Bounds of the mean force, of masses that turn after a share of the substep too."""
+    """Bounds of the mean force, of masses that turn after a share of the substep too.
+
+    The share: where a cubic of time in position is flat, that begins and ends at the places and
+    speeds of the masses under the friction before, less what is forgotten of it by the end. went:
+    how far they go under f; places: the response of that to a held force.
+    """
     before = -np.sign(start) * levels
     end = v + w @ f + np.diag(w) * (before - f)
-    with np.errstate(all="ignore"):
-        share = np.where(end * start < 0.0, start / (start - end), 0.0)
+    went = went + np.diag(places) * (before - f)
+    share = np.zeros(start.size)
+    for i in np.flatnonzero(end * start < 0.0):
+        cubic = CubicHermiteSpline([0.0, 1e-3], [0.0, went[i]], [start[i], end[i]])
+        (flat,) = cubic.derivative().roots(extrapolate=False)
+        s = flat / 1e-3
+        forgotten = 12.0 * (places[i, i] / (1e-3 * w[i, i]) - 0.5)
+        share[i] = s - 0.5 * forgotten * s * (1.0 - s)
     return share * before - (1.0 - share) * levels, share * before + (1.0 - share) * levels
 
 
@@ -114,7 +128,9 @@ def test_friction_solves_the_complementarity_problem(masses: tuple[int, ...]) ->
             moving, bounds = dry[~at_rest], levels[~at_rest]
             w = b[3:, 1:][np.ix_(moving, moving)]
             f = _only(_solutions(w, free[3 + moving], -bounds, bounds))
-            lower, upper = _turning(x[3 + moving], w, free[3 + moving], f, bounds)
+            response = b[:3, 1:][np.ix_(moving, moving)]
+            went = free[moving] + response @ f - x[moving]
+            lower, upper = _turning(x[3 + moving], w, free[3 + moving], f, bounds, went, response)
             turned += np.count_nonzero(upper - lower < 1.99 * bounds)
             f = _only(_solutions(w, free[3 + moving], lower, upper))
             expected = free + b[:, 1 + moving] @ f
@@ -150,20 +166,24 @@ def _exact(level: float, loads: Floats) -> Floats:
     return found
 
 
-def test_a_turn_inside_a_substep_is_second_order() -> None:
-    """Errors of each tick's way fall fourfold with each halving. Mutation: no `turn`: twofold."""
+def test_a_turn_inside_a_substep_is_third_order() -> None:
+    """Errors of each tick's way fall eightfold with each halving.
+
+    Mutations: no `turn`: twofold; masses that turned not put where they are (`place_booked`), a
+    line for the parabola (`bend` zero), nothing forgotten by the end of a substep: fourfold.
+    """
     level = 2e-3
     loads = np.repeat(np.random.default_rng(3).normal(size=400) * 6e-3, 5)
     device = one_mass(VISCOUS).with_physics(make_physics("coulomb_friction", "m1", level=level))
     truth = _exact(level, loads)
     errors: list[float] = []
-    for substeps in (8, 16, 32, 64):
+    for substeps in (2, 4, 8, 16):
         run = simulate(
             device, none(), duration=2.0, substeps=substeps, disturbance=loads, bound=1e9
         )
         errors.append(float(np.linalg.norm(np.diff(run.trace["position_m1"] - truth))))
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
-    assert np.all((ratios > 3.5) & (ratios < 4.5)), (errors, ratios)
+    assert np.all((ratios > 6.5) & (ratios < 9.5)), (errors, ratios)
 
 
 def test_stribeck_slides_steadily_where_drive_is_viscosity_and_friction() -> None:
@@ -340,3 +360,23 @@ def test_friction_of_any_viscosity_stops_and_never_throws_back() -> None:
     run = simulate(device, none(), duration=0.02, start=Start(0.0, 1.0))
     assert np.all(run.trace["velocity_m1"] >= 0.0)
     assert run.trace["velocity_m1"][-1] == 0.0
+
+
+def test_predictions_put_a_mass_where_a_turn_leaves_it() -> None:
+    """A mass is predicted eight times as well with half as long substeps, and not four times.
+
+    Held against the exact way of each tick. Mutations that break it: `placed` left out of the
+    prediction: fourfold; a line for the parabola (`bend` zero) in a viscous fluid: fourfold.
+    """
+    level, ticks = 2e-3, 1500
+    loads = np.repeat(np.random.default_rng(3).normal(size=ticks // 5) * 6e-3, 5)
+    device = one_mass(VISCOUS).with_physics(make_physics("coulomb_friction", "m1", level=level))
+    truth = _exact(level, loads)
+    e = Experiment(1e-3, loads, np.zeros((ticks, 1)), (Output("position", 0),))
+    errors: list[float] = []
+    for substeps in (1, 2, 4, 8):
+        ready = prepared(device, Fineness(substeps, substeps, (substeps, substeps)))
+        went = -innovations(device, e, np.zeros((2, 1)), ready=ready)[:, 0]
+        errors.append(float(np.linalg.norm(np.diff(went - truth))))
+    ratios = np.array(errors[:-1]) / np.array(errors[1:])
+    assert np.all(ratios > 6.0), (errors, ratios)

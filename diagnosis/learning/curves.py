@@ -198,10 +198,10 @@ def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
 
 
 def _fits(tables: Iterable[Table], say: Say) -> Iterator[Begun]:
-    for table in tables:
-        h = table.fitted(say)
+    for one in tables:
+        h = one.fitted(say)
         if h is not None:
-            yield h, table.site
+            yield h, one.site
 
 
 def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:

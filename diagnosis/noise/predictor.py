@@ -178,7 +178,7 @@ class Fineness:
 
     Of smooth forces and backlash, counted against 64 on 20 s at 20 times the limit (100 sigma):
     SEARCHING leaves below 2 and 12 sigma, enough to tell effects apart, FINAL below 0.5 and 1. Of
-    friction on 5 s: 0.47 to 0.71, and 0.10 to 0.16 (`python -m benchmarks.friction_substeps`).
+    friction on 5 s: 0.27 to 0.49, and 0.06 to 0.13 (`python -m benchmarks.friction_substeps`).
     SCREENING is for first fits; SIGNATURES need one digit.
     """
 
@@ -187,7 +187,7 @@ class Fineness:
     jumping: tuple[int, int]
 
 
-SIGNATURES, SCREENING = Fineness(2, 4, (2, 4)), Fineness(2, 4, (8, 16))
+SIGNATURES, SCREENING = Fineness(2, 2, (2, 4)), Fineness(2, 2, (8, 16))
 SEARCHING, FINAL = Fineness(4, 4, (8, 16)), Fineness(8, 8, (16, 32))
 
 
