@@ -169,7 +169,7 @@ def _exact(level: float, loads: Floats) -> Floats:
 def test_a_turn_inside_a_substep_is_third_order() -> None:
     """Errors of each tick's way fall eightfold with each halving.
 
-    Mutations: no `turn`: twofold; masses that turned not put where they are (`place_booked`), a
+    Mutations: no `turn`: twofold; masses that turned not put where they are (`placed`), a
     line for the parabola (`bend` zero), nothing forgotten by the end of a substep: fourfold.
     """
     level = 2e-3
