@@ -261,8 +261,8 @@ value is thus a lower bound, and a measurement of a real wall scatters by this m
 ## All together
 
 Each row has one limit, each column one friction (0, 2 and 10 mN m). Limits of none, 0.5 and 0.1 N m
-were mapped; a row is not drawn where at most {100 * ALIKE:g}\u00a0% of the points differ from the row
-above it.
+were mapped; a row is not drawn where at most {100 * ALIKE:g}\u00a0% of the points differ from the
+row above it.
 
 **No steps.** The maps are those of friction above, whatever the limit: from a start of 1 mrad a
 run that friction stops never reaches it.

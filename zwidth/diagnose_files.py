@@ -461,7 +461,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     console.table("\nLinear parameters", columns, rows)
     if scale := scale_sentence(found):
         console.say(scale)
-    console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
+    console.say(f"\n{improvement(found)}")
     whens = WHEN if found.findings else WHEN[:2]
     heads = ("device file", "refitted", "with what was found")[: len(whens)]
     runs = found.whole_runs

@@ -431,7 +431,7 @@ def where(located: Located, masses: int) -> str:
     """Say where the refitted device and the recording differ, before anything has a name.
 
     Of places and states whose force explains about as much as the best one's, all are said: the
-    order of such near values does not tell what the force depends on.
+    order of such near values does not tell on which of them the force depends.
     """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:
@@ -446,8 +446,8 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}forces {at} that depend on {listed(states, 'or')} describe"
-            " what is missing about equally well"
+            f"{densest(located.state)}what the missing force depends on is not decided here: forces"
+            f" {at} over {listed(states, 'or')} describe it about equally well"
         )
     like = "changes with time" if top.against == "time" else f"follows the {top.against}"
     return (
