@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.result import (
     NextExperiment,
     Verdict,
 )
-from zwidth.diagnosis_summary import how_sure, next_sentence, title, what_now, worth
+from zwidth.diagnosis_summary import how_sure, missing, next_sentence, title, what_now, worth
 from zwidth.sim.chain import make_chain
 
 LEVEL = {"level": Estimate(0.03, 0.029, 0.031, "N m")}
@@ -25,7 +25,8 @@ GRAVITY = Finding("gravity_pendulum", "m1", LEVEL, 9.2, (), 0.9999)
 def found(verdict: Verdict, *findings: Finding, **more: Any) -> Diagnosis:
     """As much of a diagnosis as its first screen reads."""
     device = SimpleNamespace(chain=make_chain([1e-3], [0.0]))
-    nothing: dict[str, Any] = {"adequacy": None, "next_experiment": None, "next_level": None}
+    nothing: dict[str, Any] = {"adequacy": None, "next_experiment": None}
+    nothing |= {"next_level": None, "learned": None}
     values = {**nothing, "device": device, "headline": "h", **more}
     return cast("Diagnosis", SimpleNamespace(verdict=verdict, findings=findings, **values))
 
@@ -38,6 +39,16 @@ def test_the_title_names_what_is_missing_without_numbers():
     )
     assert title(found(Verdict.IDENTIFIED, *[FRICTION] * 5)).endswith("and 2 more")
     assert title(found(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
+
+
+def test_a_law_that_includes_an_effect_stands_in_its_place():
+    """Mutation: the effect is named in the title, or the law's worth repeated in the headline."""
+    law = SimpleNamespace(worth="w", as_json=lambda: {"absorbed": ["coulomb_friction at m1"]})
+    one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law, headline="a force acts; w; as well")
+    assert title(one) == "Physics is missing that has no name in the library"
+    assert missing(one) == "a force acts; as well"
+    both = found(Verdict.UNKNOWN_PHYSICS, FRICTION, GRAVITY, learned=law)
+    assert title(both).endswith("beside gravity pendulum at the motor")
 
 
 def test_how_sure_is_said_by_the_least_certain_effect():

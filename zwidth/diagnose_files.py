@@ -338,6 +338,7 @@ def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
     if not renders:
         return None
     names = " and ".join(effect_at(found, f.effect, f.at) for f in found.findings)
+    console.doing("computing the stiffest wall before and after", HEART.elapsed())
     bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
     if bounds is not None:
         console.say(bounds.sentence)

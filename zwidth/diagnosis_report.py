@@ -28,7 +28,7 @@ from zwidth.diagnosis.answer.words import (
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
-from zwidth.diagnosis_summary import SHORT, how_sure, title, what_now, with_law, worth
+from zwidth.diagnosis_summary import SHORT, how_sure, missing, title, what_now, with_law, worth
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
@@ -113,6 +113,7 @@ def save_report(
         found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
         title=title(diagnosis),
+        missing=missing(diagnosis),
         sure=how_sure(diagnosis, in_words(diagnosis.sentence)),
         worth=worth(diagnosis.free_run, bool(diagnosis.findings), law_errors(diagnosis)),
         law=law_errors(diagnosis),

@@ -31,15 +31,25 @@ def title(found: Diagnosis) -> str:
     if not found.findings or found.verdict not in WITH:
         return TITLES.get(found.verdict, found.headline)
     masses = found.device.chain.masses.size
+    included = () if found.learned is None else found.learned.as_json()["absorbed"]
     names = [
         f"{effect_in_words(f.effect)} {place_in_words(place_at(f.at), masses)}"
         for f in found.findings
+        if f"{f.effect} at {f.at}" not in included
     ]
+    if not names:
+        return TITLES[Verdict.UNKNOWN_PHYSICS]
     if len(names) > LISTED:
         names[LISTED:] = [f"{len(names) - LISTED} more"]
     listed = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
     colon = "" if found.verdict is Verdict.UNKNOWN_PHYSICS else ":"
     return f"{WITH[found.verdict]}{colon} {listed}"
+
+
+def missing(found: Diagnosis) -> str:
+    """The headline without the worth of a law, which stands in a line of its own."""
+    law = found.learned
+    return found.headline if law is None else found.headline.replace(f"; {law.worth}", "")
 
 
 def how_sure(found: Diagnosis, sentence: str) -> str:

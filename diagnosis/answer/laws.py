@@ -77,7 +77,7 @@ class Law(ABC):
     @property
     @abstractmethod
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
 
     @property
     def turns(self) -> bool:
@@ -181,13 +181,12 @@ class LearnedLaw(Law):
 
     @property
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
         what = {
             "free_amplifier": "what is added to the command",
             "free_sensor": "the error of the reading",
         }.get(self.curve.physics.effect.name, f"a force at {self.curve.physics.at}")
-        said = f"learned from it: {what} over {self.over}{self._looks(self.formula)}"
-        return f"{said}; {self.worth}"
+        return f"{what} over {self.over}{self._looks(self.formula)}"
 
     @property
     def absorbed(self) -> str:
@@ -322,12 +321,9 @@ class LearnedSurface(Law):
 
     @property
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
         looks = f", which looks like {self.formula}" if self.formula else ""
-        return (
-            f"learned from it: a force at {self.curve.physics.at} over {self.over} together"
-            f"{looks}; {self.worth}"
-        )
+        return f"a force at {self.curve.physics.at} over {self.over} together{looks}"
 
     @property
     def size(self) -> str:

@@ -333,7 +333,7 @@ def _fault(fault: Fault) -> str:
 def why(f: Facts) -> str:
     """Return what the verdict rests on, beside the headline; a sentence without its full stop."""
     because, free, doubtful = reason(f), f.free, f.doubtful
-    law = "" if f.law is None else f.law.sentence
+    law = "" if f.law is None else f"learned from what is left: {f.law.sentence}"
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
     match because:
         case Reason.LOST:
@@ -422,8 +422,8 @@ def _inadequate(sound: Adequacy) -> str:
     led = max(sound.ahead, key=lambda a: a.led - a.most_led)
     return (
         f"forces that depend on the motion would explain {100.0 * led.led:.0f} % of the squared"
-        f" error of free runs over {led.horizon:.3g} s on held-out data, noise"
-        f" {100.0 * led.most_led:.0f} % at most"
+        f" error of free runs over {led.horizon:.3g} s on held-out data; of noise alone they would"
+        f" explain at most {100.0 * led.most_led:.0f} %"
     )
 
 
