@@ -33,8 +33,8 @@ def guarded(
 ) -> Controller:
     """Return a wall of stiffness K and damping B under a passivity observer and controller.
 
-    most_damping [N m s/rad | N s/m]: the most that the controller may add. Sampled damping drives
-    the device where it exceeds `last_stable_damping`, so that is what to stay below.
+    most_damping [N m s/rad | N s/m]: the most that the controller may add. Sampled damping above
+    `last_stable_damping` makes the device unstable, so stay below it.
 
     Raises ValueError for values that are not finite, or a most_damping < 0.
     """

@@ -32,8 +32,9 @@ def texture(
 ) -> Controller:
     """Return a grating whose steepest slope is K [N m/rad | N/m], of a wavelength [rad | m].
 
-    share: of the slope at its steepest that is the grating's, the rest a plain spring's; 1 is the
-    grating alone, whose force swings by K wavelength / (2 pi). damping B [N m s/rad | N s/m].
+    share: part of the steepest slope that belongs to the grating; the rest is a plain spring. 1 is
+    the grating alone, whose force has the amplitude K wavelength / (2 pi). damping B [N m s/rad | N
+    s/m].
 
     Raises ValueError for a wavelength that is not > 0, a share outside 0 to 1, or values that are
     not finite.

@@ -148,7 +148,7 @@ Their device is not simulated here.
 An unstable wall gives more energy than it took. The observer of Hannaford and Ryu (IEEE T.
 Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the tick that
 would give too much. For a held command without delay the count is exact: it equals the entry
-`wall` of the energy ledger up to rounding (`tests/test_wall_laws.py`). The gain is large without
+`wall` of the energy balance up to rounding (`tests/test_wall_laws.py`). The gain is large without
 delay and falls with every millisecond of it, since the force that acts is not the one that was
 counted. K in N m/rad at B = 0, damping of the controller up to a tenth of what is stable by
 itself:
@@ -462,7 +462,7 @@ def draw_guard() -> str:
         middle.axhline(0.0, color="0.5", linewidth=0.8)
         middle.set_xlabel("time [s]")
         middle.set_ylabel("energy that the wall holds [µJ]")
-        middle.set_title("the ledger's account of the wall", loc="left", fontsize=10)
+        middle.set_title("energy balance of the wall", loc="left", fontsize=10)
         left.legend(frameon=False, fontsize=9)
         delays = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0]) * 1e-3
         gains: list[tuple[float, float]] = []
@@ -479,7 +479,7 @@ def draw_guard() -> str:
         right.set_yscale("log")
         right.set_xlabel("delay [ms]")
         right.set_ylabel("stiffest stable wall, $B$ = 0 [N m/rad]")
-        right.set_title("a delay blinds the observer", loc="left", fontsize=10)
+        right.set_title("stiffest wall over the delay", loc="left", fontsize=10)
         right.legend(frameon=False, fontsize=9)
     save(figure, "guarded")
     head = "| delay | K, plain | K, guarded | gain |\n|---|---|---|---|\n"

@@ -4,7 +4,7 @@
 
 Thirty-six maps of the PHANToM over B and K: four encoder steps, three limits, three levels of
 friction; and two over start amplitude and K. They are kept under `runs/` as they are made, so an
-interrupted run goes on where it stopped. On one core of a busy machine all took four minutes.
+interrupted run goes on where it stopped. All took 45 s of processor time, compiled before.
 """
 
 import itertools
@@ -75,19 +75,14 @@ def named(key: Key) -> str:
     return ", ".join(w for w in words if w) or "nothing but the linear loop"
 
 
-def told_apart(found: dict[Key, FateMap], step: float) -> tuple[list[Key], str]:
-    """Return the maps of a step, a row a limit, without the rows that repeat the one above.
-
-    Also a sentence that says which limits those are.
-    """
-    kept, left = [LIMITS[0]], list[float]()
+def told_apart(found: dict[Key, FateMap], step: float) -> list[Key]:
+    """Return the maps of a step, a row a limit, without the rows that repeat the one above."""
+    kept = [LIMITS[0]]
     for limit in LIMITS[1:]:
         pairs = ((found[step, kept[-1], f], found[step, limit, f]) for f in LEVELS)
         unlike = [np.mean(a.fates.fate != b.fates.fate) for a, b in pairs]
-        (kept if max(unlike) > ALIKE else left).append(limit)
-    words = " or ".join(f"{limit:g} N m" for limit in left)
-    said = f"\nWith a limit of {words} at most 1\u00a0% of the points differ." if left else ""
-    return list(itertools.product((step,), kept, LEVELS)), said
+        kept += [limit] if max(unlike) > ALIKE else []
+    return list(itertools.product((step,), kept, LEVELS))
 
 
 def picture(found: dict[Key, FateMap], keys: list[Key], columns: int, name: str) -> str:
@@ -201,11 +196,8 @@ def text(found: dict[Key, FateMap]) -> str:
     held = facts[0.0, 0.1, 0.0]["describing_function"]
     both, loose = facts[1e-3, inf, 0.002], facts[1e-3, inf, 0.0]
     tight = facts[1e-3, 0.1, 0.0]
-    pictures: dict[float, str] = {}
-    alike: dict[float, str] = {}
-    for step in STEPS:
-        keys, alike[step] = told_apart(found, step)
-        pictures[step] = picture(found, keys, 3, f"step_{step:g}")
+    # Without steps they are the picture of friction, whatever the limit.
+    pictures = {s: picture(found, told_apart(found, s), 3, f"step_{s:g}") for s in STEPS[1:]}
     single = [
         picture(found, [(step, inf, 0.0) for step in STEPS], 2, "steps"),
         picture(found, [(0.0, inf, level) for level in LEVELS], 3, "friction"),
@@ -269,23 +261,23 @@ value is thus a lower bound, and a measurement of a real wall scatters by this m
 ## All together
 
 Each row has one limit, each column one friction (0, 2 and 10 mN m). Limits of none, 0.5 and 0.1 N m
-were mapped; a row that repeats the one above it is not drawn.
+were mapped; a row is not drawn where at most {100 * ALIKE:g}\u00a0% of the points differ from the
+row above it.
 
-![Maps without encoder steps]({pictures[0.0]})
-
-**No steps.** From a start of 1 mrad a run that friction stops never reaches the limit.{alike[0.0]}
+**No steps.** The maps are those of friction above, whatever the limit: from a start of 1 mrad a
+run that friction stops never reaches it.
 
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
 **Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
 changes the command by K times 1e-5 rad, at most 0.5 mN m here, and more than half of that in
-friction is enough.{alike[1e-5]}
+friction is enough.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 
 **Steps of 1e-4 rad.** One step now changes the command by up to 5 mN m. In the stable part 2 mN m
 of friction are still enough. On the right, where B times a step per sample dominates the command,
-the edge becomes ragged.{alike[1e-4]}
+the edge becomes ragged.
 
 ![Maps with steps of 1e-3 rad]({pictures[1e-3]})
 

@@ -40,8 +40,9 @@ class Member:
 
 @dataclass(frozen=True, repr=False)
 class Fleet(Shown):
-    """One answer for a fleet. names: unit of each reported parameter; spreads: what each does.
+    """One answer for a fleet.
 
+    names: unit of each reported parameter; spreads: how each varies over the fleet.
     candidates: structures that were tried, and how much more they cost; repeats: by name, how many
     times repeats on one device scatter more than their errors say. notes: what was not used.
     """

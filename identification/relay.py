@@ -41,9 +41,9 @@ AGREEMENT = 1e-3
 class RelayTest:
     """Settings of a relay experiment.
 
-    force D of the relay [N m | N]; stretch_s between two looks at the steady state; steady_s of
-    steady state that are measured; limit_s when to give up; bound of |position| in which a run is
-    still a run; substeps a tick where the device needs them.
+    force D of the relay [N m | N]; stretch_s: time between two checks for a steady state; steady_s:
+    length of steady state that is measured; limit_s: longest run; bound: a run ends when |position|
+    exceeds it; substeps per tick where the device needs them.
 
     Raises ValueError (field, value, what is allowed).
     """

@@ -35,9 +35,9 @@ class Executor(Protocol):
     ) -> Generator[tuple[str, Result]]:
         """Yield (key, function(task)) of every task once, in the order in which they finish.
 
-        function, tasks and results can be pickled. What `function` raises is raised here, and no
-        more tasks are begun; so it is where the generator is closed. Raises OSError where all
-        workers are lost for good.
+        function, tasks and results can be pickled. An exception in `function` is raised here, and
+        no further tasks are started; closing the generator stops it in the same way. Raises OSError
+        where all workers are lost for good.
         """
         ...
 

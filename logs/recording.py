@@ -38,7 +38,7 @@ NANOSECONDS = 1_000_000_000
 def load_log(path: FilePath, folder: FilePath | None = None) -> Log:
     """Return a recording as a log, with the TOML that describes it as an attachment.
 
-    Arguments and errors as of `read_recording`. A file of ours comes with all that it holds.
+    Arguments and errors: see `read_recording`. Of a file that zwidth wrote, everything is returned.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":

@@ -77,8 +77,8 @@ class Confusable:
 class Plan(Shown):
     """What a recording of an excitation would show.
 
-    labels and distances (effects, rivals): distances[i, j] in sigma, of effect i at three times its
-    limit from rival j; on the diagonal from nothing.
+    labels and distances (effects, rivals): distances[i, j] is how many sigma effect i, at three
+    times its limit, is away from rival j; on the diagonal, from a device without the effect.
     """
 
     excitation: str

@@ -32,8 +32,8 @@ KEYS = {
 class Disturbance:
     """One force: kind, amplitude [N m | N], mass "m1", "m2", ..., time from_s to to_s [s].
 
-    At the "base" it is no force but the acceleration of what all stands on, amplitude
-    [rad/s2 | m/s2].
+    At the "base" it is the acceleration of the ground on which the device stands, amplitude [rad/s2
+    | m/s2].
 
     frequency_hz and phase_rad are a sine's. Raises ValueError (field, value, what is allowed).
     """

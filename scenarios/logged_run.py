@@ -71,9 +71,9 @@ def logged_run(
     Until the run is done the log is called NAME.partial.mcap, and keeps that name if the run is
     interrupted or killed: every finished block of 1000 ticks can be read and replayed from it.
 
-    A file at `path` stands in the way unless this function wrote it and nobody has edited it since;
-    overwrite: write over it. Raises Protected then, ValueError with a sentence, LogError where the
-    log cannot be written.
+    A file at `path` is replaced if this function wrote it and nobody has edited it since, or with
+    overwrite. Otherwise raises Protected. Raises ValueError with a sentence, LogError where the log
+    cannot be written.
     """
     setup = scenario.prepare()
     given = dict(metadata or {})

@@ -41,8 +41,8 @@ class ReplayResult(Shown):
 def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayResult:
     """Rebuild a run from its log alone, simulate it again, compare every channel bit for bit.
 
-    controller: the user's own control law, where the run had one. A log cut short is compared as
-    far as it goes. NaN equals NaN, whatever its payload.
+    controller: the user's own control law, where the run had one. A log that ends early is compared
+    as far as it goes. NaN equals NaN, whatever its payload.
 
     Raises LogError for a file that is no log, ScenarioError, NotTheSame or ReplayError for one
     whose run cannot be rebuilt: a recording, attachments missing or changed, a controller not

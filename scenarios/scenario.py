@@ -26,11 +26,11 @@ SUBSTEPS = 10  # per tick, where one is not exact
 class Scenario(Shown):
     """A device under a controller, from a start, under disturbances, for `duration` seconds.
 
-    seed: of every random number in the run. substeps a tick: 0 for one where that is exact, ten
-    where the device has friction or smooth nonlinear forces, and more where friction meets a mode
-    so fast that it needs them; the field holds the number taken.
-    energy: record nothing of it, the stored energy, or the whole ledger. fine: record the states
-    after every substep. bound: the run stops when |position of m1| exceeds it [rad | m].
+    seed: of every random number in the run. substeps per tick: with 0, one where that is exact, ten
+    where the device has friction or smooth nonlinear forces, and more where friction acts on a very
+    fast mode; the field then holds the number that is used. energy: record no energy, the stored
+    energy, or the whole ledger. fine: record the states after every substep. bound: the run stops
+    when |position of m1| exceeds it [rad | m].
 
     Raises ValueError with one sentence: the field, its value, what is allowed.
     """

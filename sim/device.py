@@ -38,13 +38,14 @@ class DeviceError(ValueError):
 class Device(Shown):
     """One degree of freedom of a haptic device.
 
-    rotary: N m and rad; else N and m. modal is kept where the device was given in modal form
-    (then chain is the same model as a chain). physics: effects whose home is not the interface
-    or the chain. uncertainty: how well all this is known, which a fit asks and no motion.
+    rotary: N m and rad; else N and m. modal is kept where the device was given in modal form (then
+    chain is the same model as a chain). physics: effects that have no field in the interface or the
+    chain. uncertainty: how well these values are known; fits use it, simulations ignore it.
 
-    Raises DeviceError or ValueError with a sentence that names the field and what is allowed:
-    for a place that the chain does not have, an effect twice at one place, an effect whose home is
-    elsewhere (`with_physics` brings it there), or a modal that is not the chain.
+    Raises DeviceError or ValueError with a sentence that names the field and what is allowed: for a
+    place that the chain does not have, an effect twice at one place, an effect that has a field in
+    the interface or chain (`with_physics` sets it there), or a modal form that differs from the
+    chain.
     """
 
     name: str

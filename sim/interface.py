@@ -18,21 +18,22 @@ class Interface:
     period T [s]; delay [s], any real >= 0, from the encoder reading to the moment the command takes
     effect; encoder_step [rad | m], 0 for none; command_step and command_limit [N m | N], 0 and inf
     for none; velocity_cutoff_hz of the low-pass on the backward difference, inf for none;
-    encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: what a command
-    counts by, after its step and before all else of the amplifier (limits are of the force).
-    position_origin [rad | m]: what is read, and written down as positions, where the chain is at
-    zero and a spring to ground at rest. command_hold: what a *recorded* command is between its
-    samples, "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
+    encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: factor on the
+    command, applied after its rounding and before the rest of the amplifier (limits are limits of
+    the force). position_origin [rad | m]: the recorded position at which the chain is at zero and a
+    spring to ground is relaxed. command_hold: what a *recorded* command is between its samples,
+    "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
 
     Several rates: the encoder is read and a command computed every period. velocity_order of that
-    low-pass, 1 or 2 (Butterworth). velocity_ticks: every how many periods the velocity is
-    estimated, over just as many, and held in between. position_ticks: every how many periods the
-    law is given a new position, as an outer loop is that is slower than the device's own.
+    low-pass, 1 or 2 (Butterworth). velocity_ticks: the velocity is estimated once in so many
+    periods, over the same number of periods, and held in between. position_ticks: the law gets a
+    new position once in so many periods, as in an outer loop that is slower than the device's own.
 
-    velocity_estimator: what makes a velocity of the readings, before that low-pass, a name of
-    `sim/estimators`; velocity_window, velocity_band [rad | m], velocity_noise [rad | m] and
-    velocity_acceleration [rad/s2 | m/s2]: what it is set to, 0 where it takes none. velocity_step
-    [rad/s | m/s]: steps in which the law is given it, as a register holds it; 0 for none.
+    velocity_estimator: how the velocity is computed from the readings, before that low-pass; a name
+    of `sim/estimators`. velocity_window, velocity_band [rad | m], velocity_noise [rad | m] and
+    velocity_acceleration [rad/s2 | m/s2]: its settings, 0 for one that it does not have.
+    velocity_step [rad/s | m/s]: resolution of the velocity that the law gets, as of a register; 0
+    for none.
 
     force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
     feedback (`sim/force_sensor.py`).

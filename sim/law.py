@@ -13,7 +13,7 @@ CODES: dict[Kind, int] = {"wall": PLAIN, "texture": TEXTURE, "region": REGION, "
 
 @dataclass(frozen=True)
 class Law:
-    """A law of walls (`sim/wall_law.py`); what another kind does not have stays 0.
+    """A law of walls (`sim/wall_law.py`); fields that its kind does not use are 0.
 
     kind: wall (spring and damper), texture, region or guarded. wavelength [rad | m] and share of a
     texture; width [rad | m] of a region, 0 for everywhere; most_damping [N m s/rad | N s/m] of a

@@ -31,8 +31,9 @@ class PassiveFit(NamedTuple):
 def nearest_passive(chain: Chain, band_hz: tuple[float, float] = BAND_HZ) -> PassiveFit:
     """Return the passive chain of as many masses and the same ground spring that is nearest.
 
-    The chain itself, at distance 0, where it is passive. Starts: negative dampers raised to zero,
-    and to three shares of the mean damper. Deterministic; some 0.1 s for three masses.
+    If the chain is passive, it is returned at distance 0. The search starts from negative dampers
+    raised to zero, and to three fractions of the mean damper. Deterministic; about 0.1 s for three
+    masses.
     """
     if not negative_dampers(chain):
         return PassiveFit(chain, 0.0)

@@ -35,11 +35,11 @@ SLOW_M, SLOW_HZ, BEST_HZ = 8e-6, 40.0, 250.0
 
 @dataclass(frozen=True)
 class Perception:
-    """From what on a lasting oscillation is felt: by either of the two.
+    """Thresholds from which a lasting oscillation is felt; reaching one of the two is enough.
 
     force [N m | N]: half the range of the command. position [rad | m]: half the range of m1, None
     for the threshold of vibration. lever [m]: of a rotary device, from its axis to the hand; None
-    where the threshold of vibration has no say.
+    where the threshold of vibration is not used.
 
     Raises ValueError (field, value, what is allowed).
     """

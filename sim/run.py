@@ -46,9 +46,9 @@ OUTCOMES = {DONE: Outcome.COMPLETED, ESCAPED: Outcome.ESCAPED, NOT_FINITE: Outco
 
 @dataclass(frozen=True)
 class Start:
-    """Initial positions and velocities of the masses; a single number is meant for every mass.
+    """Initial positions and velocities of the masses; a single number is used for every mass.
 
-    The encoder's earlier reading is the one of a mass that came in at this velocity.
+    The encoder's earlier reading is computed as if the mass had arrived at this velocity.
     """
 
     position: float | Sequence[float] = 0.0
@@ -57,7 +57,8 @@ class Start:
     def state(self, dof: int, places: int | None = None) -> Floats:
         """Return (32,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value).
 
-        places: after how many the velocities begin, where more than masses have states.
+        places: index at which the velocities begin, where there are states besides those of the
+        masses.
         """
         padded = np.zeros(MAX_COLUMNS)
         for offset, field in ((0, "position"), (dof if places is None else places, "velocity")):
@@ -79,10 +80,10 @@ class Run(Shown):
 
     trace has one sample a tick, taken at t = kT before the chain moves. fine has one sample a
     substep (positions and velocities), where asked for. ledger: work done by motor and disturbance,
-    energy taken by each damper and effect. The balance is
-    stored - stored at start = motor + disturbance - taken. No part of it are `wall`, the work of
-    the command at its own, sampled port (what a passivity observer sees), and `actuator_lag`, the
-    work the command would have done beyond the motor's without the lag.
+    energy taken by each damper and effect. The balance is stored - stored at start = motor +
+    disturbance - taken. Two entries are not part of the balance: `wall`, the work of the command at
+    the sampled port (what a passivity observer sees), and `actuator_lag`, the work that the command
+    would have done without the lag, minus that of the motor.
     """
 
     trace: Trace

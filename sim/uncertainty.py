@@ -11,13 +11,13 @@ LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to c
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations (one sigma) of what a device file says, relative ones but for `zeros`.
+    """Standard deviations (one sigma) of the values in a device file; all but `zeros` are relative.
 
-    command_scale: of what a command counts by, 0 where it is known: motion alone cannot tell it
-    from masses, springs, dampers and forces all at once. masses; springs, that to ground among
-    them; dampers, which are known worst: few are measured, and they change with temperature and
-    wear. zeros [m or rad]: by how much the sensors of further masses may read another position
-    than that of m1 does where links are at rest; 0 where all count from there.
+    command_scale: of the scale of the command, 0 where it is known exactly; motion alone cannot
+    distinguish it from scaling all masses, springs, dampers and forces. masses; springs, including
+    the one to ground; dampers, which are known worst: they are rarely measured, and change with
+    temperature and wear. zeros [rad | m]: of the difference between the positions that the sensors
+    of m2, m3, ... and of m1 read while no link is stretched; 0 where they read the same.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """

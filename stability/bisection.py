@@ -60,9 +60,9 @@ class Search:
     """How far and how finely K is searched.
 
     tolerance: width of a bracket over its K. lowest, highest K [N m/rad | N/m], None: 1e-6 and 1
-    times 4 m / T^2, above which no sampled wall holds the whole mass m. ratio of the scan. felt:
-    the boundary is where a wall's oscillation begins to be felt (`sim/perception.py`), not where it
-    begins to grow.
+    times 4 m / T^2, above which no sampled wall is stable with the whole mass m. ratio of the scan.
+    felt: the boundary is where a wall's oscillation begins to be felt (`sim/perception.py`), not
+    where it begins to grow.
     """
 
     tolerance: float = 5e-4
@@ -93,10 +93,10 @@ class Bracket:
 
     stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,
     unstable is None where the highest is still stable. Each end keeps its verdict and amplitude:
-    dither of a quantiser counts as decay, growth that the amplifier's limit holds as a limit cycle.
-    frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K between the ends
-    that stayed undecided up to the time limit, if any. grows_from: the starts from which the
-    unstable end grows [rad | m], where it does not from all that were tried; else empty.
+    dither caused by quantisation counts as decay, growth that the amplifier's limit stops counts as
+    a limit cycle. frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K
+    between the ends that stayed undecided up to the time limit, if any. grows_from: the starts from
+    which the unstable end grows [rad | m], where it does not from all that were tried; else empty.
     """
 
     damping: float

@@ -26,7 +26,7 @@ NEAR_END = 0.999  # of the last B with a stable K: where the boundary comes down
 
 @dataclass(frozen=True)
 class BoundaryPoint:
-    """The boundary at one damping B by both ways; they know nothing of each other."""
+    """The boundary at one damping B by linear theory and by simulation, computed independently."""
 
     linear: LinearPoint
     simulated: Bracket

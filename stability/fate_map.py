@@ -39,7 +39,7 @@ CHUNK = 512  # points a part: what is lost at most, for each core, when a run is
 class FateMap(Shown):
     """A finished map. x, y: lattice values; fates, flat, and run: (y, x).
 
-    run: points that were simulated; the others lie among points of one fate and have theirs.
+    run: points that were simulated; the others lie between points of one fate and take that fate.
     """
 
     plane: Plane
@@ -59,10 +59,10 @@ class FateMap(Shown):
         return linear_radius(self.plane, self.x, self.y)
 
     def transitions(self) -> tuple[Floats, Floats]:
-        """Return, for every x, the y up to which all runs rest and that from which one grows.
+        """Return, for every x, the y up to which all runs rest, and the y from which a run grows.
 
-        NaN where the lowest y does not rest already, or none grows. Each lies halfway between two
-        points of the lattice (its last point, where all of them rest).
+        NaN where already the run at the lowest y does not come to rest, or where no run grows. Each
+        lies halfway between two points of the lattice (its last point, where all of them rest).
         """
         rests, grows = self.fates.fate == Fate.RESTS, self.fates.fate == Fate.GROWS
         return _first(self.y, ~rests, self.y[-1]), _first(self.y, grows, math.nan)

@@ -30,11 +30,12 @@ class Trial:
     """How a single (K, B) is judged.
 
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
-    boundary depends on it. others: further starts of a boundary, whose walls are stable if every
-    start says so; a map and a linear device take none. seconds of the first run, limit_s of the
-    longest; window_s of the energy windows. threshold: amplitude of a limit cycle that counts as
-    rest, and beyond which none is dither (None: as `sim/fate.py` has it). substeps a tick where the
-    device needs them. law: of the walls. perception: what of an oscillation is felt.
+    boundary depends on it. others: further starts for a boundary; a wall then counts as stable only
+    if it is stable from every start. Maps and linear devices use none. seconds of the first run,
+    limit_s of the longest; window_s of the energy windows. threshold: largest amplitude of a limit
+    cycle that counts as rest, above which none counts as dither (None: the rules of `sim/fate.py`).
+    substeps per tick where the device needs them. law: of the walls. perception: from which size an
+    oscillation is felt.
 
     Raises ValueError with field, value and what is allowed.
     """

@@ -68,7 +68,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Plane:
-    """Two axes over a device; what is on no axis has its value in the device, or here.
+    """Two quantities to map, the axes, and the values of all others: in the device, or here.
 
     stiffness, damping: of the wall, whose law is trial.law. Friction on an axis is the level of
     Coulomb friction at m1 [N m | N], cutoff that of the velocity filter [Hz]. one_sided: the wall

@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.result import (
     NextExperiment,
     Verdict,
 )
-from zwidth.diagnosis_summary import how_sure, next_sentence, title, what_now, worth
+from zwidth.diagnosis_summary import how_sure, missing, next_sentence, title, what_now, worth
 from zwidth.sim.chain import make_chain
 
 LEVEL = {"level": Estimate(0.03, 0.029, 0.031, "N m")}
@@ -25,7 +25,8 @@ GRAVITY = Finding("gravity_pendulum", "m1", LEVEL, 9.2, (), 0.9999)
 def found(verdict: Verdict, *findings: Finding, **more: Any) -> Diagnosis:
     """As much of a diagnosis as its first screen reads."""
     device = SimpleNamespace(chain=make_chain([1e-3], [0.0]))
-    nothing: dict[str, Any] = {"adequacy": None, "next_experiment": None, "next_level": None}
+    nothing: dict[str, Any] = {"adequacy": None, "next_experiment": None}
+    nothing |= {"next_level": None, "learned": None}
     values = {**nothing, "device": device, "headline": "h", **more}
     return cast("Diagnosis", SimpleNamespace(verdict=verdict, findings=findings, **values))
 
@@ -38,6 +39,16 @@ def test_the_title_names_what_is_missing_without_numbers():
     )
     assert title(found(Verdict.IDENTIFIED, *[FRICTION] * 5)).endswith("and 2 more")
     assert title(found(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
+
+
+def test_a_law_that_includes_an_effect_stands_in_its_place():
+    """Mutation: the effect is named in the title, or the law's worth repeated in the headline."""
+    law = SimpleNamespace(worth="w", as_json=lambda: {"absorbed": ["coulomb_friction at m1"]})
+    one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law, headline="a force acts; w; as well")
+    assert title(one) == "Physics is missing that has no name in the library"
+    assert missing(one) == "a force acts; as well"
+    both = found(Verdict.UNKNOWN_PHYSICS, FRICTION, GRAVITY, learned=law)
+    assert title(both).endswith("beside gravity pendulum at the motor")
 
 
 def test_how_sure_is_said_by_the_least_certain_effect():
@@ -56,12 +67,20 @@ def test_what_it_is_worth_is_one_figure_before_and_after():
     """Mutation: before and after exchanged; an infinite error printed as a number."""
     fit = HeldOut(3.0, 0.7, 0.03, 0.02)
     assert worth(fit, True).startswith(
-        "error of free runs on held-out data: 3 % of the motion with what was found, without it 70"
-        " %; noise alone would cause 2 %"
+        "error of short free runs on held-out data: 3 % of the motion with what was found, without"
+        " it 70 %; noise alone would cause 2 %"
     )
     assert "70 % of the motion as refitted, as in the device file 300 %" in worth(fit, False)
     assert "do not simulate with it" in worth(HeldOut(3.0, 0.7, float("inf"), 0.02), True)
     assert worth(HeldOut(3.0, 0.0, 0.0, 0.0), True).startswith("there is too little")
+
+
+def test_a_law_without_a_name_is_worth_what_its_own_free_runs_show():
+    """The same figures as in the headline. Mutation: those of the names alone."""
+    assert worth(HeldOut(3.0, 0.7, 0.011, 0.02), True, (0.0071, 0.011)).startswith(
+        "error of short free runs on held-out data: 0.71 % of the motion with the law that has no"
+        " name, 1.1 % without it, as refitted 70 %; noise alone would cause 2 %"
+    )
 
 
 @pytest.mark.parametrize(

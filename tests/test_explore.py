@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 
 from zwidth.cli import run
-from zwidth.explore.bench import Bench
+from zwidth.explore.bench import Bench, Line
 from zwidth.explore.look import columns, fitting, look, reach, spectrum
 from zwidth.explore.picture import picture
 from zwidth.explore.plane_figure import bounded
@@ -304,3 +304,12 @@ def test_a_plane_that_friction_holds_still_says_so():
     said = of_the_plane(make_map(stuck, 5, 0), False, True)
     assert ". Friction of 10 N m holds every wall here at rest, from a start of 1 mrad" in said
     assert "Friction" not in of_the_plane(make_map(plane, 5, 0), False, True)
+
+
+def test_the_frequency_of_a_wall_is_that_of_its_boundary():
+    """As `boundary` gives it, between two points of the line. Mutation: that of the nearest."""
+    dampings, stiffest = np.array([0.0, 0.02, 0.04]), np.array([2.0, 6.0, 10.0])
+    line = Line(dampings, stiffest, np.array([10.0, 11.0, 40.0]))
+    assert line.at(0.005) == pytest.approx((3.0, 10.25))
+    assert line.at(0.035) == pytest.approx((9.0, 40.0))  # two oscillations meet there
+    assert line.at(0.05) is None

@@ -63,7 +63,9 @@ class Console:
         at: the time since the beginning [s], which then stands before it.
         """
         HEART.said(text)
-        print(f"... {text}" if at is None else f"... {at:4.0f} s  {text}", file=sys.stderr)
+        head = "... " if at is None else f"... {at:4.0f} s  "
+        line = hanging(head, text) if sys.stderr.isatty() else f"{head}{text}"
+        print(line, file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Write a line for people to standard error: what was assumed, beside the answer."""

@@ -338,6 +338,7 @@ def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
     if not renders:
         return None
     names = " and ".join(effect_at(found, f.effect, f.at) for f in found.findings)
+    console.doing("computing the stiffest wall before and after", HEART.elapsed())
     bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
     if bounds is not None:
         console.say(bounds.sentence)
@@ -461,7 +462,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     console.table("\nLinear parameters", columns, rows)
     if scale := scale_sentence(found):
         console.say(scale)
-    console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
+    console.say(f"\n{improvement(found)}")
     whens = WHEN if found.findings else WHEN[:2]
     heads = ("device file", "refitted", "with what was found")[: len(whens)]
     runs = found.whole_runs

@@ -13,7 +13,6 @@ from zwidth.diagnosis.answer.result import (
     Diagnosis,
     Estimate,
     Finding,
-    HeldOut,
     Rival,
     Unanswered,
     Verdict,
@@ -29,7 +28,7 @@ from zwidth.diagnosis.answer.words import (
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
-from zwidth.diagnosis_summary import how_sure, title, what_now, worth
+from zwidth.diagnosis_summary import SHORT, how_sure, missing, title, what_now, with_law, worth
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
@@ -114,8 +113,10 @@ def save_report(
         found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
         title=title(diagnosis),
+        missing=missing(diagnosis),
         sure=how_sure(diagnosis, in_words(diagnosis.sentence)),
-        worth=worth(diagnosis.free_run, bool(diagnosis.findings)),
+        worth=worth(diagnosis.free_run, bool(diagnosis.findings), law_errors(diagnosis)),
+        law=law_errors(diagnosis),
         now=what_now(diagnosis, commands.improved),
         assumptions=assumptions(diagnosis, commands),
         negligible=negligible_in_words(diagnosis.negligible, masses_of(diagnosis)),
@@ -130,7 +131,7 @@ def save_report(
         pictures=pictures,
         place="" if top is None else place_in_words(place_at(top.place), masses_of(diagnosis)),
         state=sorted(states, key=lambda s: -float(s["share"])),
-        fits=(("one sample ahead", diagnosis.one_step), ("free runs", diagnosis.free_run)),
+        fits=(("one sample ahead", diagnosis.one_step), ("short free runs", diagnosis.free_run)),
         whole_runs=diagnosis.whole_runs,
         force_errors=diagnosis.force_errors,
     )
@@ -314,8 +315,17 @@ def linear_rows(diagnosis: Diagnosis) -> dict[str, tuple[float, Estimate]]:
     return {k: both for k, both in diagnosis.linear_refit.items() if k != "gain"}
 
 
-def improvement(fit: HeldOut, named: bool) -> str:
-    """Say how much smaller the error on held-out data became. named: whether anything was found."""
+def law_errors(diagnosis: Diagnosis) -> tuple[float, float] | None:
+    """Errors of short free runs with and without the law that has no name; None without a law."""
+    learned = diagnosis.learned
+    return None if learned is None else (learned.law.after, learned.names.after)
+
+
+def improvement(found: Diagnosis) -> str:
+    """Say how much smaller the error on held-out data became."""
+    if (law := law_errors(found)) is not None:
+        return with_law(*law)
+    fit = found.free_run
     if not fit.after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(fit.after):
@@ -327,20 +337,18 @@ def improvement(fit: HeldOut, named: bool) -> str:
             f" their error"
             f" is {errs}"
         )
-    if not named:
+    if not found.findings:
         less = fit.before / fit.refit
         if not 1.02 < less < math.inf:
-            return (
-                f"error of free runs on held-out data: {of_the_motion(fit.refit)}, refitted or not"
-            )
+            return f"{SHORT}: {of_the_motion(fit.refit)}, refitted or not"
         return (
-            f"error of free runs on held-out data: {of_the_motion(fit.refit)} after the refit,"
+            f"{SHORT}: {of_the_motion(fit.refit)} after the refit,"
             f" {plain(less, 3)} times smaller than with the device file"
         )
     if fit.refit <= 1.02 * fit.after:
         return "free runs on held-out data are no better than with the refit alone"
     return (
-        f"error of free runs on held-out data: {of_the_motion(fit.after)},"
+        f"{SHORT}: {of_the_motion(fit.after)},"
         f" {plain(fit.refit / fit.after, 3)} times smaller than with the refit alone"
     )
 

@@ -9,6 +9,7 @@ from zwidth.sim.readable import most, of_the_motion, percent, plain
 
 ENOUGH = 5.0  # sigma from which two explanations count as told apart
 LISTED = 3  # effects in a title
+SHORT = "error of short free runs on held-out data"
 TITLES = {
     Verdict.NOTHING_MISSING: "Nothing is missing that this recording could show",
     Verdict.LINEAR_PARAMETERS: "No physics is missing, but parameters differ",
@@ -30,15 +31,25 @@ def title(found: Diagnosis) -> str:
     if not found.findings or found.verdict not in WITH:
         return TITLES.get(found.verdict, found.headline)
     masses = found.device.chain.masses.size
+    included = () if found.learned is None else found.learned.as_json()["absorbed"]
     names = [
         f"{effect_in_words(f.effect)} {place_in_words(place_at(f.at), masses)}"
         for f in found.findings
+        if f"{f.effect} at {f.at}" not in included
     ]
+    if not names:
+        return TITLES[Verdict.UNKNOWN_PHYSICS]
     if len(names) > LISTED:
         names[LISTED:] = [f"{len(names) - LISTED} more"]
     listed = ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
     colon = "" if found.verdict is Verdict.UNKNOWN_PHYSICS else ":"
     return f"{WITH[found.verdict]}{colon} {listed}"
+
+
+def missing(found: Diagnosis) -> str:
+    """The headline without the worth of a law, which stands in a line of its own."""
+    law = found.learned
+    return found.headline if law is None else found.headline.replace(f"; {law.worth}", "")
 
 
 def how_sure(found: Diagnosis, sentence: str) -> str:
@@ -66,24 +77,34 @@ def _explained(found: Diagnosis) -> str:
     return f". The named effects explain {share} of the error"
 
 
-def worth(fit: HeldOut, named: bool) -> str:
-    """Say how far free runs are off on data that were kept out of the fit, before and after."""
+def worth(fit: HeldOut, named: bool, law: tuple[float, float] | None = None) -> str:
+    """Say how far free runs are off on data that were kept out of the fit, before and after.
+
+    law: their errors over the motion with the law that has no name, and without it.
+    """
     after = fit.after if named else fit.refit
     if not after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(after):
         return "free runs of this model diverge on held-out data; do not simulate with it"
     noise = f"; noise alone would cause {percent(fit.noise_floor)}" if fit.noise_floor > 0.0 else ""
+    meaning = (
+        " (a free run is simulated without correction; held-out data were kept out of the fit)"
+    )
+    if law is not None:
+        return f"{with_law(*law)}, as refitted {_off(fit.refit)}{noise}{meaning}"
     what = "with what was found" if named else "as refitted"
     rest = (
         f"without it {percent(fit.refit)}" if named else f"as in the device file {_off(fit.before)}"
     )
     if named and math.isinf(fit.refit):
         rest = "without it they diverge"
-    return (
-        f"error of free runs on held-out data: {of_the_motion(after)} {what}, {rest}{noise} (a free"
-        " run is simulated without correction; held-out data were kept out of the fit)"
-    )
+    return f"{SHORT}: {of_the_motion(after)} {what}, {rest}{noise}{meaning}"
+
+
+def with_law(law: float, names: float) -> str:
+    """Say what a law that has no name is worth: errors with it and without, over the motion."""
+    return f"{SHORT}: {of_the_motion(law)} with the law that has no name, {_off(names)} without it"
 
 
 def _off(share: float) -> str:

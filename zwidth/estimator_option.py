@@ -20,7 +20,7 @@ def estimator_option(command: Any) -> Any:
     """Add --estimator to a command; `with_estimator` reads it."""
     return click.option(
         "--estimator", metavar="NAME[:KEY=X,...]", default=None,
-        help="What makes the velocity of the readings, else the device's own:"
+        help="How the velocity is computed from the readings. Default: the device's. One of"
         f" {', '.join(ESTIMATORS)}. KEY: window, band, noise, acceleration; what is left out"
         " follows from the encoder's step and the largest force.",
     )(command)  # fmt: skip

@@ -261,7 +261,8 @@ def _one_more(
     suspect = suspected(best)
     if suspect is None:
         return None
-    say(f"checking whether {suspect.of.replace('@', ' at ')} stays constant")
+    where, _, name = suspect.of.replace("@", " at ").rpartition(".")
+    say(f"checking whether {f'the {name} of {where}' if where else name} stays constant")
     new = varied(best, suspect)
     if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
         return None

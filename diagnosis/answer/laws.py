@@ -77,7 +77,7 @@ class Law(ABC):
     @property
     @abstractmethod
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
 
     @property
     def turns(self) -> bool:
@@ -99,8 +99,8 @@ class Law(ABC):
         """Say what it is worth."""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"error of free runs on held-out data {own:.2g} % of the motion with it, {other:.2g} %"
-            " without"
+            f"error of short free runs on held-out data {own:.2g} % of the motion with it,"
+            f" {other:.2g} % without"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -151,7 +151,7 @@ class LearnedLaw(Law):
         """What it follows, and what it repeats by."""
         period = self.curve.period
         length = "rad" if self.rotary else "m"
-        repeats = f", repeating every {with_unit(period, length, 4)}," if period else ""
+        repeats = f", repeating every {with_unit(period, length, 4)}" if period else ""
         return f"{self.curve.over}{repeats}"
 
     @property
@@ -161,7 +161,7 @@ class LearnedLaw(Law):
         unit = ("rad" if self.rotary else "m") if reads else self.force_unit
         most = with_unit(float(np.abs(self.curve.forces).max()), unit, 2)
         alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
-        return f"up to {most} over {self.over.rstrip(',')}{self._looks(alike)}; {self.worth}"
+        return f"up to {most} over {self.over}{self._looks(alike)}; {self.worth}"
 
     def headline(self, masses: int) -> str:
         """Say it as the first line of an answer: where it acts, and its extent."""
@@ -181,13 +181,12 @@ class LearnedLaw(Law):
 
     @property
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
         what = {
             "free_amplifier": "what is added to the command",
             "free_sensor": "the error of the reading",
         }.get(self.curve.physics.effect.name, f"a force at {self.curve.physics.at}")
-        said = f"learned from it: {what} over {self.over}{self._looks(self.formula)}"
-        return f"{said.rstrip(',')}; {self.worth}"
+        return f"{what} over {self.over}{self._looks(self.formula)}"
 
     @property
     def absorbed(self) -> str:
@@ -322,12 +321,9 @@ class LearnedSurface(Law):
 
     @property
     def sentence(self) -> str:
-        """Say what was learned, and what it is worth."""
+        """Say what was learned."""
         looks = f", which looks like {self.formula}" if self.formula else ""
-        return (
-            f"learned from it: a force at {self.curve.physics.at} over {self.over} together"
-            f"{looks}; {self.worth}"
-        )
+        return f"a force at {self.curve.physics.at} over {self.over} together{looks}"
 
     @property
     def size(self) -> str:

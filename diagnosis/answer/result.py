@@ -91,9 +91,9 @@ class Finding:
     other effects in its place, nearest first. probability: that the device has it, among all
     hypotheses that were fitted; None if it was seen in the recording itself, or if no hypothesis is
     adequate. with_richer: probability that the device has it or a richer form of it, which decides
-    the verdict. regimes: how it does where it was not fitted. worth: how much larger the error of
-    free runs on held-out data is without it; None if nothing was held out or it is no part of the
-    model (`answer.consequence`).
+    the verdict. regimes: how well it predicts parts of the motion that were not fitted. worth: how
+    much larger the error of free runs on held-out data is without it; None if nothing was held out
+    or it is no part of the model (`answer.consequence`).
     """
 
     effect: str

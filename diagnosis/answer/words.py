@@ -333,7 +333,7 @@ def _fault(fault: Fault) -> str:
 def why(f: Facts) -> str:
     """Return what the verdict rests on, beside the headline; a sentence without its full stop."""
     because, free, doubtful = reason(f), f.free, f.doubtful
-    law = "" if f.law is None else f.law.sentence
+    law = "" if f.law is None else f"learned from what is left: {f.law.sentence}"
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
     match because:
         case Reason.LOST:
@@ -422,8 +422,8 @@ def _inadequate(sound: Adequacy) -> str:
     led = max(sound.ahead, key=lambda a: a.led - a.most_led)
     return (
         f"forces that depend on the motion would explain {100.0 * led.led:.0f} % of the squared"
-        f" error of free runs over {led.horizon:.3g} s on held-out data, noise"
-        f" {100.0 * led.most_led:.0f} % at most"
+        f" error of free runs over {led.horizon:.3g} s on held-out data; of noise alone they would"
+        f" explain at most {100.0 * led.most_led:.0f} %"
     )
 
 
@@ -431,7 +431,7 @@ def where(located: Located, masses: int) -> str:
     """Say where the refitted device and the recording differ, before anything has a name.
 
     Of places and states whose force explains about as much as the best one's, all are said: the
-    order of such near values does not tell what the force depends on.
+    order of such near values does not tell on which of them the force depends.
     """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:
@@ -446,8 +446,8 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}forces {at} that depend on {listed(states, 'or')} describe"
-            " what is missing about equally well"
+            f"{densest(located.state)}what the missing force depends on is not decided here: forces"
+            f" {at} over {listed(states, 'or')} describe it about equally well"
         )
     like = "changes with time" if top.against == "time" else f"follows the {top.against}"
     return (

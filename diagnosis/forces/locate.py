@@ -213,7 +213,7 @@ def _sentence(state: Sequence[Share], maps: Sequence[ForceMap]) -> str:
     if not stands_out(top):
         return "no force at any place would explain more than noise"
     force = f"a force at {top.place} that follows {top.against}{sign_of(top)}"
-    return f"{densest(state)}{force} explains most of it"
+    return f"{densest(state)}{force} describes it best"
 
 
 def stands_out(top: ForceMap) -> bool:

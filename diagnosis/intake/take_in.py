@@ -366,7 +366,7 @@ def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]
     if factor is None:
         return e, []
     sentence = (
-        f"the command of {e.name} explains the motion {factor:.3g} times better as a signal"
-        " that is smooth between its samples than as one that is held, and is taken so"
+        f"the command of {e.name} is taken as smooth between its samples, which explains the motion"
+        f" {factor:.3g} times better than a held one"
     )
     return smooth(e), [Fault("smooth_command", sentence, False, factor, e.name)]

@@ -301,7 +301,8 @@ def _believed_laws(
 
 def _at_what(site: Site) -> str:
     kind = site.effect.removeprefix("free_")
-    return f"{STATES.get(kind, kind.replace('_', ' '))} at {site.at}"
+    state = STATES.get(kind, kind.replace("_", " "))
+    return f"the {state}" + ("" if site.at == state else f" at {site.at}")
 
 
 def _costs(begun: Begun) -> float:

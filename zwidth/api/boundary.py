@@ -22,7 +22,7 @@ def boundary(
 
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     by default from 0 to 1.2 times the last with a stable wall, in 41 steps. trial, search: how a
-    wall is judged (by default as `zwidth boundary` does it), and how finely it is sought. progress
+    wall is judged (by default as `zwidth boundary` does it), and how finely K is searched. progress
     is called with the share done.
 
     By linear theory and by simulation, at the device's own delay:

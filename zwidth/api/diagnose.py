@@ -46,21 +46,20 @@ def diagnose(
     frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals).
     time, command, position, velocity: the columns of a table (of an array "0", "1" ...). Columns
     that are not named are recognised by name and unit, "angle_deg", as in a CSV.
-    joint: number or name of the joint to take, of recordings with several, as of a robot; without
-    it the one that moves most. `diagnose_joints` takes all.
+    joint: number or name of the joint to diagnose, where a recording has several, as that of a
+    robot; by default the one that moves most. `diagnose_joints` takes all.
     device: a Device, the name of a shipped one, or a device file. Without it one is fitted, with
     one to three masses.
     validate: recordings to judge by; by default the last 30 % of each recording.
     effort: how much is tried.
-    known_torque: the model of a robot (MJCF or URDF) and its joint that is the device. MuJoCo then
-    computes the torque of the robot's arms on that joint in the recorded posture.
+    known_torque: the model of a robot (MJCF or URDF), and the name of the joint that is diagnosed.
+    MuJoCo then computes the torque of the robot's arms on that joint in the recorded posture.
     say: called with what is being done, `print` for instance; a diagnosis may take minutes.
 
-    Where a command is in A or V, or a position in counts, and no scale is known, the answer counts
-    in these, and its units say so. It contains the improved device:
-    `save_device(answer.device, "improved.toml")`. Raises ValueError with one sentence if a
-    recording cannot be used with this device, and NotDiagnosed if an error leaves nothing to
-    conclude.
+    If a command is in A or V, or a position in counts, and no scale is known, the answer is in
+    these units and says so. It contains the improved device: `save_device(answer.device,
+    "improved.toml")`. Raises ValueError with one sentence if a recording cannot be used with this
+    device, and NotDiagnosed if an error leaves nothing to conclude.
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")

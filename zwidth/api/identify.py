@@ -18,10 +18,9 @@ def identify(
 ) -> Identified:
     """Fit a device to a recording of its command and position.
 
-    recording: a path (a recording TOML, a log), a Trace, a Run or a Log. modes of vibration, 0 for
-    a rigid body; None: as many as the data show. delay [s] from command to force where it is known;
-    None fits it too. command, position: the channels that drive and that move. from_hz, to_hz: the
-    band that is used.
+    recording: a path (a recording TOML, a log), a Trace, a Run or a Log. modes: number of vibration
+    modes, 0 for a rigid body; None: as many as the data show. delay [s] from command to force; None
+    fits it too. command, position: names of the channels. from_hz, to_hz: the band that is used.
     name: of the device, by default the recording's.
 
     Raises ValueError with one sentence, which says what to record instead.

@@ -27,8 +27,8 @@ def relay(
 
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     one or several; by default four from 0 to three quarters of the last with a stable wall. starts:
-    random ones a damping, to find all limit cycles; seed: theirs. test: force of the relay and how
-    long it runs. progress is called after each damping.
+    number of random starts for each damping, to find all limit cycles; seed: of the random starts.
+    test: force of the relay, and how long it runs. progress is called after each damping.
 
     Raises ValueError with a sentence that says what to change.
     """

@@ -30,7 +30,7 @@ def sweep(
     filter, Hz), period, delay [s], encoder_step [rad | m], velocity_ticks or position_ticks.
     values: by default its usual range; the device's own is tried as well. dampings: how many a
     boundary has. rounds: of refinement around the best. trial, search: how a wall is judged, and
-    how finely it is sought. progress is called with boundaries done and planned.
+    how finely K is searched. progress is called with the number of boundaries done and planned.
     `result.best.device` is the device at the best value.
 
     Raises ValueError with a sentence that says what to change.

@@ -88,7 +88,7 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--felt", is_flag=True, help="Also find the K from which dither (an oscillation"
               " that only steps keep up) is felt, from 1 % of the stiffest K on.")  # fmt: skip
 @click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
-              show_default=True, help="Smallest force of it that a hand feels.")  # fmt: skip
+              show_default=True, help="Smallest force of dither that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
               " the skin, of a rotary device at its --lever.")  # fmt: skip

@@ -68,7 +68,7 @@ def command(
     if template is not None:
         if device is not None or passive or model is not None:
             raise click.UsageError(
-                "--template stands for itself; leave DEVICE, --passive and --from out"
+                "--template needs no device; leave out DEVICE, --passive and --from"
             )
         _template(console, template, save)
     elif model is not None and joint is not None:

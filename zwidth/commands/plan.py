@@ -206,7 +206,7 @@ def _say_pairs(console: Console, found: Plan) -> None:
             named(pair.effect),
             named(pair.rival),
             f"{pair.separation_sigma:.1f}",
-            pair.better or "none of the library",
+            pair.better or "no excitation tried",
             "" if pair.better_sigma is None else f"{pair.better_sigma:.1f}",
         ]
         for pair in found.confusable

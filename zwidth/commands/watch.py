@@ -121,7 +121,7 @@ def command(
         console.say("ended" if final is None else f"ended{more}")
         return
     if final is None:
-        raise ValueError("nothing came, so there is nothing to say")
+        raise ValueError("the input ended without a sample, so there is nothing to diagnose")
     answer = _answer(_Answer(console), final, name, effort, wall, out, line)
     said = str(answer.get("headline") or answer["sentence"])
     last = Update(FINAL, found.seconds, found.samples, said, {"diagnosis": answer})

@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 SECONDS, LIMIT_S, WINDOW_S = 4.0, 16.0, 0.5
 LINE_POINTS = 61
 WITHOUT_BOUNDARY = (0.1, 50.0)  # B and K up to which axes go where no wall is stable
+ONE_BRANCH = 0.2  # of a frequency, up to which two dampings beside each other have one oscillation
 LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits is cut off
 
 
@@ -48,8 +49,14 @@ class Line:
     def at(self, damping: float) -> tuple[float, float] | None:
         """Return (K_CR, frequency) at a damping between its ends, None where no K is stable."""
         k = float(np.interp(damping, self.damping, self.stiffness, right=math.nan))
-        nearest = int(np.argmin(np.abs(self.damping - damping)))
-        return (k, float(self.frequency[nearest])) if k > 0.0 else None
+        if not k > 0.0:
+            return None
+        beside = np.argsort(np.abs(self.damping - damping))[:2]
+        a, b = self.frequency[beside]
+        if not abs(b - a) <= ONE_BRANCH * a:  # another oscillation ends it there
+            return k, float(a)
+        beside = np.sort(beside)
+        return k, float(np.interp(damping, self.damping[beside], self.frequency[beside]))
 
 
 @dataclass(frozen=True, eq=False)

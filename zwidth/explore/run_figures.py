@@ -22,14 +22,15 @@ from numpy.typing import NDArray
 from zwidth.explore.look import ROOM, fitting, reach, spectrum, within
 from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Span as Times
-from zwidth.figures.style import AFTER, BEFORE, COLOURS
+from zwidth.figures.style import AFTER, BEFORE, COLOURS, MEASURED, UNDER
 from zwidth.sim.readable import prefix
 
 Floats = NDArray[np.float64]
 Drawn = dict[str, Floats]
 # What lies on each other; the run itself is drawn last, on top.
 RUN, BESIDE, RECORDED = "run", "beside", "recorded"
-LOOKS = {RECORDED: (COLOURS[2], "solid"), BESIDE: (BEFORE, "dashed"), RUN: (AFTER, "solid")}
+LOOKS = {RECORDED: (MEASURED, "solid"), BESIDE: (BEFORE, "dashed"), RUN: (AFTER, "solid")}
+WIDTHS = {RECORDED: UNDER, BESIDE: 1.3, RUN: 1.3}
 ENERGIES = {
     "stored": (AFTER, "stored"), "motor": (COLOURS[5], "from the motor"),
     "spent": ("#777777", "dissipated"),
@@ -93,7 +94,12 @@ class RunFigures:
                 if several:
                     look = {"color": ENERGIES[line][0], "legend_label": ENERGIES[line][1]}
                 drawn.line(
-                    "t", line, source=self.time[which], line_dash=dash, line_width=1.3, **look
+                    "t",
+                    line,
+                    source=self.time[which],
+                    line_dash=dash,
+                    line_width=WIDTHS[which],
+                    **look,
                 )
         return drawn
 
@@ -122,7 +128,7 @@ class RunFigures:
         for which, (colour, dash) in LOOKS.items():
             drawn.line(
                 "position", "velocity", source=self.phase[which], color=colour, line_dash=dash,
-                alpha=0.7,
+                alpha=0.7, line_width=WIDTHS[which],
             )  # fmt: skip
         # Beside a recording the plane is narrow: few ticks, short labels, none over another.
         drawn.xaxis.ticker = BasicTicker(desired_num_ticks=FEW_TICKS)
@@ -140,7 +146,12 @@ class RunFigures:
         )  # fmt: skip
         for which, (colour, dash) in LOOKS.items():
             drawn.line(
-                "frequency", "amplitude", source=self.spectra[which], color=colour, line_dash=dash
+                "frequency",
+                "amplitude",
+                source=self.spectra[which],
+                color=colour,
+                line_dash=dash,
+                line_width=WIDTHS[which],
             )
         self.ultimate = Span(
             dimension="height", line_color="black", line_dash="dashed", visible=False, location=1.0

@@ -10,17 +10,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = ("png", "svg")
-MEASURED, BEFORE, AFTER = "0.72", "#bb5566", "#004488"
+MEASURED, BEFORE, AFTER = "#b8b8b8", "#bb5566", "#004488"
 FILE, LAW, INTERVAL, HELD_OUT = "0.55", "#117733", "0.85", "#fff3d6"
 """Colours with one meaning in every picture: what was measured; a model before and after, as its
 file has it, and with a learned law; an interval of 95 % over a whole axis; the ground under data
 that were kept out of the fit."""
-# Of lines that have no such meaning, in order. They differ in lightness, so that they survive grey
-# print and every kind of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and
-# shapes say the same once more.
+# For lines without such a meaning, in this order. They differ in lightness, for grey print and all
+# kinds of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes differ,
+# too.
 COLOURS = (AFTER, BEFORE, "#ddaa33", "#000000", "#6699cc", "#997700")
 DARK = (COLOURS[0], COLOURS[1], COLOURS[5])
-"""The three of them that a thin line needs on white."""
+"""Those of them that are dark enough for a thin line on white."""
 DASHES = (
     "-",
     (0, (7, 2)),
@@ -30,13 +30,13 @@ DASHES = (
     (0, (4, 1, 1, 1, 1, 1)),
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
-# Of what runs end as, from light to dark; the last of what is not decided. `PREDICTED`: a line of
-# theory over them.
+# For the fates of runs, from light to dark; the last for undecided ones. `PREDICTED`: a line of
+# theory drawn over them.
 FATES = ("#f2f2f2", "#b3d3ec", "#4a90c4", "#7f2704", "#ffd92f")
 PREDICTED = "#d01c8b"
 # From alike to apart.
 SHADES = ("#7f0000", BEFORE, "#ddaa99", "#e6e6e6", "#ffffff")
-UNDER = 3.6  # points: a measured line is as wide, so that what lies on it leaves it seen
+UNDER = 3.6  # points: width of a measured line, to be seen under a line that lies on it
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,

@@ -25,7 +25,7 @@ def table(found: Diagnosis) -> Table:
     said = [f"{found.headline}."]
     if found.verdict is not Verdict.IDENTIFIED:  # of which the headline has said it
         said.append(f"{sentence(in_words(found.sentence))}.")
-    said.append(f"{sentence(improvement(found.free_run, bool(found.findings)))}.")
+    said.append(f"{sentence(improvement(found))}.")
     said += [f"{sentence(fault.sentence)}." for fault in found.faults]
     title = f"Diagnosis of {found.device.name}: {found.verdict.value.replace('_', ' ')}"
     return Table(title, said, headings, grid)
