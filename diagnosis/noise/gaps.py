@@ -104,7 +104,7 @@ def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
     Gain 0 is the steady one. spread: of several observers, which share what counts when.
     """
     _, motion, c, process, noise = spread
-    o, n = c.shape
+    n = c.shape[1]
     ahead = np.concatenate([c @ np.linalg.matrix_power(motion, k) for k in range(n)], axis=1)
     noises = np.tile(np.diag(noise), n)
 
