@@ -134,7 +134,7 @@ def test_a_loop_that_is_stiff_against_the_sampling_is_said(tmp_path: Path) -> No
     np.savetxt(path, np.column_stack([t, 9.55 * asked, 9.55 * moved]), "%.9g", ",",
                header="t,target_rpm,actual_rpm", comments="")  # fmt: skip
     (told,) = (s for s in taken(path)[1] if "stiff against the sampling" in s)
-    assert f"1.3 % too low" in told
+    assert "1.3 % too low" in told
     assert "record at 354 Hz or more" in told
     held = integrated(asked, t, 2.0 / 30.0)
     motion = Motion(PERIOD, held, moved[:, None], (("velocity", 0),), True)
