@@ -136,7 +136,7 @@ def test_a_loop_that_is_stiff_against_the_sampling_is_said(tmp_path: Path) -> No
     (told,) = (s for s in taken(path)[1] if "stiff against the sampling" in s)
     assert "1.3 % too low" in told
     assert "record at 354 Hz or more" in told
-    held = integrated(asked, t, 2.0 / 30.0)
+    held = integrated(asked, np.asarray(t, dtype=np.float64), 2.0 / 30.0)
     motion = Motion(PERIOD, held, moved[:, None], (("velocity", 0),), True)
     assert first_loop([motion]).error > 5e-3  # what the hold leaves
 
