@@ -55,10 +55,11 @@ class FirstLoop:
 class SpeedLoop:
     """A loop on the speed that integrates: T [s], the delay [s], the error over the motion.
 
-    proportional: the error of one that does not integrate.
+    stiffness: K / m [1/s2]; proportional: the error of one that does not integrate.
     """
 
     integral_time: float
+    stiffness: float
     delay: float
     error: float
     proportional: float
@@ -99,8 +100,10 @@ def speed_loop(goal: Floats, speed: Floats, period: float) -> SpeedLoop:
 
     def answers(x: Floats, late: int) -> Floats:
         asked = _late(pair[0][0], late)
-        reached = period * (np.cumsum(asked) - 0.5 * asked)
-        return _answers([reached, asked], x, asked.size, period, True)
+        others = _answers([asked], x, asked.size, period, True)
+        # The speed under a goal's integral is what the position is under the goal: nothing is held.
+        reached = _answers([asked], x, asked.size, period, False)[:1]
+        return np.vstack([reached, others])
 
     def left(_: Floats, moved: Floats, x: Floats, late: int) -> Floats:
         columns = answers(x, late)
@@ -118,7 +121,7 @@ def speed_loop(goal: Floats, speed: Floats, period: float) -> SpeedLoop:
         return _unexplained(moved, columns)
 
     _, _, without = _fitted(of_first_order, pair, period, (1.0,))
-    return SpeedLoop(time, late * period, error, without)
+    return SpeedLoop(time, math.exp(2.0 * float(x[0])), late * period, error, without)
 
 
 def _fitted(

@@ -88,6 +88,7 @@ USUAL_RATES = (
     8.0,
 )  # Hz, times powers of 10
 NEAR = 0.025  # by which a rate that a speed tells may miss a usual one; 4.5 %: rpm beside radians
+FINE, FINE_STEP = {"sample", "time", "fine"}, 4000.0  # Xsens: 10 kHz in MTi, 1 MHz in DOT
 NOBODY = "none"
 
 
@@ -299,6 +300,8 @@ class _Reader:
                 f"{time.name} counts days, as Excel and MATLAB write a date: taken as days"
             )
             return "day"
+        if {*words_of(time.name)} == FINE:
+            return "100us" if step < FINE_STEP else "us"
         likely = next(u for u, least in (("ns", 1e5), ("us", 200.0), ("ms", 0.5), ("s", 0.0))
                       if step >= least)  # fmt: skip
         if likely != "s":

@@ -209,7 +209,7 @@ def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
     rows = row_count(source)
     refused: list[str] = []
     for signal in source.signals.values():
-        if not _is_named_time(signal):
+        if not is_named_time(signal):
             continue
         reason = _no_time(signal, rows)
         if reason is None:
@@ -249,7 +249,7 @@ def period_told(source: Source) -> tuple[float, str] | None:
         if joined.endswith(RATES):
             return 1.0 / value, signal.name
     for signal in source.signals.values():
-        if _is_named_time(signal) and signal.values.size >= LEAST_SAMPLES and not signal.stamps:
+        if is_named_time(signal) and signal.values.size >= LEAST_SAMPLES and not signal.stamps:
             unit = unit_seen(signal)
             factor = unit.factor if unit is not None and unit.si == "s" else 1.0
             timing = examine(seconds_of(signal, factor)[signal.known])
@@ -277,7 +277,8 @@ def _likely(value: float, signal: Signal) -> float:
     return 1.0 if value < 0.5 else 1e-3 if value < 200.0 else 1e-6
 
 
-def _is_named_time(signal: Signal) -> bool:
+def is_named_time(signal: Signal) -> bool:
+    """Return whether the name or the unit of a signal says that it is time."""
     unit = unit_seen(signal)
     said = read_name(_core(signal)).quantity
     if TICKS & {*words_of(signal.name)} and signal.known.any():

@@ -63,6 +63,12 @@ def _columns(given: AnyTable) -> list[tuple[str, Any]]:
         return [(str(k), given[:, k]) for k in range(given.shape[1])]
     if isinstance(given, Mapping):
         return [(str(column), np.asarray(values)) for column, values in given.items()]
+    if (
+        hasattr(given, "collect_schema")
+        and hasattr(given, "collect")
+        and not hasattr(given, "rows")
+    ):
+        raise RecordingError("a LazyFrame of polars holds no numbers yet; give frame.collect()")
     # A table of Arrow has the columns themselves in `columns`, and their names here.
     names = getattr(given, "column_names", given.columns)
     found = [(str(column), np.asarray(given[column])) for column in names]

@@ -67,11 +67,26 @@ class _Parts(Collector):
         """Call the data of a structure as its own label does, which dSPACE and Simulink write."""
         label = next((value[key] for key in LABELS if isinstance(value.get(key), str)), "").strip()
         inner = next((f"{name}.{k}" for k in NUMBERS if f"{name}.{k}" in self.signals), None)
-        if not label or inner is None or label in self.signals or label in self.aliases:
+        if not label or label in self.signals or label in self.aliases:
+            return
+        if inner is None:
+            self._call_columns(name, label)
             return
         self.aliases[inner] = label
         unit = next((value[k] for k in UNITS if isinstance(value.get(k), str)), "")
         self.signals[label] = replace(self.signals.pop(inner), name=label, unit=unit)
+
+    def _call_columns(self, name: str, label: str) -> None:
+        """Call the columns of a matrix as its label does: Simulink's "torque, angle" names both."""
+        heads = tuple(f"{name}.{k}(:," for k in NUMBERS)
+        columns = [n for n in self.signals if n.startswith(heads)]
+        parts = [part.strip(" <>") for part in label.split(",")]
+        if len(parts) != len(columns) or not all(parts) or len(set(parts)) < len(parts):
+            return
+        for column, part in zip(columns, parts, strict=True):
+            if part not in self.signals and part not in self.aliases:
+                self.aliases[column] = part
+                self.signals[part] = replace(self.signals.pop(column), name=part)
 
 
 def read_mat(path: Path, data: bytes) -> Source:

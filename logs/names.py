@@ -105,7 +105,7 @@ def read_name(core: str) -> Naming:
     last = list(_words(re.split("[./]", core)[-1]))
     if not quantity and 0 < len(last) < len(words) and words[-len(last) :] == last:
         within, told, _ = _quantity(last)  # "arm1.q[0]": what stands before is of which joint
-        if told in MOTIONS:
+        if told in MOTIONS and not (last[within] in OUTPUTS and _commands(words)):
             at, quantity, weak = len(words) - len(last) + within, told, True
     role = _role(words, at, quantity)
     if quantity == "" and role == "command":
@@ -129,7 +129,9 @@ def together(names: Sequence[str]) -> dict[str, Naming]:
                 "command": Naming((known["command"],), "input", "command", False, ()),
             }
             return {own[name]: told[role] for role, name in known.items()}
-    return _of_motor(own) | _of_phases(own) | _of_controller(own) | _of_sides(own)
+    return (
+        _of_motor(own) | _of_phases(own) | _of_controller(own) | _of_sides(own) | _of_desired(own)
+    )
 
 
 PHASES = (("ia", "ib", "ic"), ("iu", "iv", "iw"), ("i_a", "i_b", "i_c"), ("i_u", "i_v", "i_w"))
@@ -164,6 +166,23 @@ def _of_controller(own: Mapping[str, str]) -> dict[str, Naming]:
         for name, one in read.items()
         if one.weak and [w for w in one.words if not w.isdigit()][:1] in ([o] for o in OUTPUTS)
     }
+
+
+DESIRED = re.compile(r"(?P<of>d?q|tau_j)_d(?P<joint>\W?\d+\W?)")
+
+
+def _of_desired(own: Mapping[str, str]) -> dict[str, Naming]:
+    """Return the goals of libfranka, "q_d[2]" beside "q[2]" and "dq[2]": else it may be a speed."""
+    quantities = {"q": "position", "dq": "velocity", "tau_j": "torque"}
+    found: dict[str, Naming] = {}
+    for name in own:
+        said = DESIRED.fullmatch(name)
+        if said and all(f"{one}{said['joint']}" in own for one in ("q", "dq")):
+            joint = re.sub(r"\W", "", said["joint"])
+            found[own[name]] = Naming(
+                (said["of"], "d", joint), quantities[said["of"]], "goal", False, (joint,)
+            )
+    return found
 
 
 def _of_sides(own: Mapping[str, str]) -> dict[str, Naming]:
@@ -327,13 +346,17 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
         if not alone:
             return -1, "", False
         at, quantity, weak = alone[-1]
-        if words[at] in OUTPUTS and any(w in vocabulary()["role"]["command"] for w in words):
+        if words[at] in OUTPUTS and _commands(words):
             return -1, "", False  # of a controller
     if quantity == "position":
         quantity = MOTIONS[min(sum(DOTS.get(w, 0) for w in words), 2)]
     if quantity in ("current", "voltage") and "d" in words[:at]:
         return at, "other", False  # of the axis along the field, which gives no torque
     return at, quantity, weak
+
+
+def _commands(words: Sequence[str]) -> bool:
+    return any(word in vocabulary()["role"]["command"] for word in words)
 
 
 def is_role(word: str) -> bool:

@@ -28,6 +28,7 @@ from zwidth.logs.optional_files import read_tdms, read_ulog
 from zwidth.logs.other_formats import refuse_other
 from zwidth.logs.own_clocks import with_own_clocks
 from zwidth.logs.parquet_file import read_parquet
+from zwidth.logs.side_by_side import below
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.table_log import log_of
 from zwidth.logs.twincat_file import is_scope, read_scope
@@ -65,9 +66,9 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
     reader = _reader(path, data)
     try:
         if reader is read_excel:
-            return read_excel(path, data, csv)
+            return below(read_excel(path, data, csv))
         found = read_csv(path, data, csv) if reader is None else reader(path, data)
-        return found if found.about else with_own_clocks(apart(found))
+        return found if found.about else with_own_clocks(apart(below(found)))
     except MemoryError:
         raise RecordingError(
             f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"

@@ -87,6 +87,7 @@ UNITS: dict[str, Unit] = {
     "min": Unit("s", 60.0),
     "hour": Unit("s", 3_600.0),
     "day": Unit("s", 86_400.0),
+    "100us": Unit("s", 1e-4),  # SampleTimeFine of Xsens MTi
     "100ns": Unit("s", 1e-7),  # ticks of .NET and of Windows
 }
 

@@ -21,7 +21,7 @@ from zwidth.sim.kernel import BEGAN, MAX_COLUMNS, SCALARS, Memory, across
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.members import Members, Stacked, stacks
 from zwidth.sim.physics.dispatch import first_internal
-from zwidth.sim.predict import Outputs, Reading, judge_of, predict, saved_room
+from zwidth.sim.predict import STEADY, Outputs, Reading, judge_of, predict, saved_room
 from zwidth.sim.propagation import lane_choice
 from zwidth.sim.run import Start, let_follow
 
@@ -38,7 +38,8 @@ class Recorded:
     external (ticks, n): forces on the masses besides, the acceleration of the base after them
     (n + 1) where it moves, None for none. strengths (ticks,): how much of the drive's force counts,
     None for all of it. arriving (ticks,): what is read times each member's jitter, None for none.
-    uncounted (ticks,): which are not judged, None for none.
+    uncounted (ticks,): which are not judged, None for none. columns (ticks,): first column of each
+    tick's gain among a member's (`sim.predict.Gains`), None where a gain holds throughout.
     """
 
     command: Floats
@@ -48,6 +49,7 @@ class Recorded:
     arriving: Floats | None = None
     strengths: Floats | None = None
     uncounted: NDArray[np.bool_] | None = None
+    columns: NDArray[np.int64] | None = None
 
     @property
     def ticks(self) -> int:
@@ -317,13 +319,16 @@ def _reading(
     lates = np.zeros((size, o)) if readings.lates is None else readings.lates
     arriving = np.zeros(0) if recorded.arriving is None else recorded.arriving
     observer = _lanes(readings.observers, which, 2)
-    if observer.shape[:2] not in ((states, o), (states, 2 * o)):
+    columns = STEADY if recorded.columns is None else recorded.columns
+    rows, width = observer.shape[:2]
+    fits = width >= 2 * (int(columns.max()) + o) if columns.size else width in (o, 2 * o)
+    if rows != states or not fits:
         raise ValueError(
             f"observers have shape {readings.observers.shape}; ({states}, {o}) or"
             f" (members, {states}, {o}) is needed, or twice as wide with play"
         )
     return Reading(
-        observer, _lanes(gains[:, None], which, 1), _lanes(origins, which, 1),
+        observer, columns, _lanes(gains[:, None], which, 1), _lanes(origins, which, 1),
         _lanes(jitters, which, 1), arriving, _lanes(lates + recorded.outputs.late, which, 1),
     )  # fmt: skip
 

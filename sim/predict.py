@@ -47,6 +47,7 @@ PIECE = 512  # ticks whose innovations are whitened together, while they are in 
 OVERFLOW = 1e12  # of the position of m1
 
 
+STEADY = np.zeros(0, dtype=np.int64)  # the same gain throughout
 GROUND = MAX_COLUMNS - 1  # place in a state that no device fills, and that stays zero
 
 
@@ -64,16 +65,29 @@ class Outputs(NamedTuple):
     late: Floats
 
 
+class Gains(NamedTuple):
+    """Gains of an observer that change along a recording, as they do after samples are lost.
+
+    of (states, 2 k o): k gains beside each other, then as many for while play carries nothing
+    (`free_of_contact`). columns (ticks,): the first of each tick's gain, from the memory's tick 0.
+    """
+
+    of: Floats
+    columns: NDArray[np.int64]
+
+
 class Reading(NamedTuple):
     """How a recording is read, which may differ from member to member of a population.
 
     observer (states, o): the gain L; (states, 2 o) where play has another while it carries nothing
-    (`free_of_contact`). The command counts times gain (1,); from what was measured origin (o,) is
-    taken, and jitter (o,) times arriving (ticks,), or (0,) for none. late (o,) [s]: by how much
+    (`free_of_contact`). Of `Gains` it is all of them, and columns (ticks,) says which; else that
+    is (0,). The command counts times gain (1,); from what was measured origin (o,) is taken, and
+    jitter (o,) times arriving (ticks,), or (0,) for none. late (o,) [s]: by how much
     each output is read after the instant at which commands act (`ahead_by`).
     """
 
     observer: Floats
+    columns: NDArray[np.int64]
     gain: Floats
     origin: Floats
     jitter: Floats
@@ -137,14 +151,15 @@ def alone(
     outputs: Outputs,
     commands: Floats,
     measured: Floats,
-    observer: Floats,
+    observer: Floats | Gains,
     external: Floats,
     memory: Memory,
     strengths: Floats | None = None,
 ) -> Floats:
     """Return the innovations (ticks, o) of one device, see `predict`; memory goes on."""
     o = measured.shape[1]
-    reading = Reading(observer, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0), outputs.late)
+    gains = observer if isinstance(observer, Gains) else Gains(observer, STEADY)
+    reading = Reading(*gains, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0), outputs.late)
     judge = judge_of(np.eye(o)[:, :, None], measured.shape[0], measured.shape[0])
     spaces = (scratch(eq), scratch(fine))
     with counted(1, measured.shape[0]):
@@ -157,9 +172,10 @@ def alone(
 
 @part
 def _lane_reading(r):
-    """View a reading in lanes; what is arriving is of the recording."""
+    """View a reading in lanes; which gain counts and what is arriving is of the recording."""
     return Reading(
         as_lanes(r.observer),
+        r.columns,
         as_lanes(r.gain),
         as_lanes(r.origin),
         as_lanes(r.jitter),
@@ -323,6 +339,7 @@ def predict(
     earlier = judge.filters.shape[2] - 1
     finer = fine.substeps[0] + fine.substeps[1] > eq.substeps[0] + eq.substeps[1]
     parted = reading.observer.shape[1] > outputs.state.size
+    beyond = reading.observer.shape[1] // 2
     for k in range(commands.size):
         row = earlier + k % PIECE
         for o in range(outputs.state.size):
@@ -341,14 +358,15 @@ def predict(
                 y -= reading.jitter[o] * reading.arriving[k]
             judge.piece[row, o] = select(alive, y - there, np.inf)
         free = parted & free_of_contact(eq, pins)
+        first = reading.columns[tick] if reading.columns.size > 0 else 0
         for o in range(outputs.state.size):
             e = judge.piece[row, o]
             known = alive & (e == e)
             if any_lane(known):
                 for i in range(eq.states):
-                    gain = reading.observer[i, o]
+                    gain = reading.observer[i, first + o]
                     if parted:
-                        gain = select(free, reading.observer[i, outputs.state.size + o], gain)
+                        gain = select(free, reading.observer[i, beyond + first + o], gain)
                     x[i] = select(known, x[i] + gain * e, x[i])
         if judge.uncounted.size > 0 and judge.uncounted[k]:
             for o in range(outputs.state.size):

@@ -51,6 +51,9 @@ WORDS = (
         b";"
     )
 )
+SIDE_BY_SIDE = b"time,torque,angle,time,torque,angle\n" + b"".join(
+    b"%g,%g,%g,%g,%g,%g\n" % (k / 500, k % 7, k % 11, k / 500, k % 5, k % 13) for k in range(60)
+)
 TOML = b"""\
 file = "a.csv"
 time = "t"
@@ -135,6 +138,7 @@ def kinds(folder: Path, named: str) -> list[Kind]:
         "WPILOG": (examples.wpilog_bytes(), "a.wpilog"),
         "TDMS": (examples.tdms_bytes(), "a.tdms"),
         "ULog": (examples.ulog_bytes(), "a.ulg"),
+        "Runs side by side": (SIDE_BY_SIDE, "a.csv"),
         "CSV, written times": (examples.iso_csv_bytes(), "a.csv"),
         "MCAP, ROS 2": (examples.ros2_bytes(), "a.mcap"),
         "MCAP, ROS 2, no checksums": (examples.ros2_bytes(checked=False), "a.mcap"),

@@ -18,6 +18,7 @@ from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
 from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.gaps import steadily
 from zwidth.diagnosis.noise.predictor import Observer, innovations, whitened
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -271,7 +272,7 @@ def test_the_state_at_the_start_is_solved_for():
     problem, fitted = clean()
     device = fitted.model.acting(fitted.x)
     cut = problem.experiments[0].part(700, 2500)
-    slow = Observer(0.05 * problem.observer.gain, problem.observer.deviation, 1.0)
+    slow = Observer(0.05 * steadily(problem.observer.gain), problem.observer.deviation, 1.0)
     before = innovations(device, cut, slow.gain)[:200]
     after = innovations(device, begun(device, cut, slow), slow.gain)[:200]
     assert np.sqrt(np.mean(after**2)) < 0.2 * np.sqrt(np.mean(before**2))

@@ -82,17 +82,24 @@ def speeds(k_p: float, k_i: float) -> tuple[Floats, Floats]:
     return asked, np.asarray(lsim(system, asked, t, interp=False)[1])
 
 
+@pytest.mark.parametrize(("k_p", "k_i"), [(0.2, 1.5), (0.1, 0.5), (2.0, 30.0), (2.0, 100.0)])
+def test_a_loop_on_the_speed_that_integrates_is_fitted_as_it_is(k_p: float, k_i: float) -> None:
+    """Also where it settles within two samples: nothing is held.
+
+    Mutations: the integral taken a sample late; held at its mean (the time is 72 % too long).
+    """
+    found = speed_loop(*speeds(k_p, k_i), PERIOD)
+    assert found.integral_time == pytest.approx(k_p / k_i, rel=1e-5)
+    assert found.stiffness == pytest.approx(k_i / 0.02, rel=1e-5)
+    assert found.delay == 0.0
+    assert found.error < 1e-5 < 0.02 < found.proportional
+
+
 @pytest.mark.parametrize(("k_p", "k_i"), [(0.2, 1.5), (0.1, 0.5)])
 def test_a_loop_on_the_speed_that_integrates_is_one_on_the_position(k_p: float, k_i: float) -> None:
-    """The integral time comes out but for the hold, within which the integral ramps.
-
-    Mutations: the integral taken a sample late; the speed compared with the position.
-    """
+    """But for the hold. Mutation: the speed compared with the position."""
     asked, moved = speeds(k_p, k_i)
     found = speed_loop(asked, moved, PERIOD)
-    assert found.integral_time == pytest.approx(k_p / k_i, rel=5e-3)
-    assert found.delay == 0.0
-    assert found.error < 1e-3 < 0.02 < found.proportional
     stamps = np.linspace(0.0, PERIOD * (asked.size - 1), asked.size)
     goal = integrated(asked, stamps, found.integral_time)
     motion = Motion(PERIOD, goal, moved[:, None], (("velocity", 0),), True)
@@ -117,6 +124,21 @@ def test_a_goal_and_a_speed_become_a_drive_that_integrates(tmp_path: Path) -> No
     np.savetxt(path, np.column_stack([t, 9.55 * asked, 9.55 * moved]), "%.9g", ",",
                header="t,target_rpm,actual_rpm", comments="")  # fmt: skip
     assert taken(path)[0].units["command"] == "N m"
+
+
+def test_a_loop_that_is_stiff_against_the_sampling_is_said(tmp_path: Path) -> None:
+    """What its speed is too low by is K T^2 / 12, 1.25 %. Mutation: half of that."""
+    asked, moved = speeds(2.0, 30.0)
+    t = PERIOD * np.arange(asked.size)
+    path = tmp_path / "stiff.csv"
+    np.savetxt(path, np.column_stack([t, 9.55 * asked, 9.55 * moved]), "%.9g", ",",
+               header="t,target_rpm,actual_rpm", comments="")  # fmt: skip
+    (told,) = (s for s in taken(path)[1] if "stiff against the sampling" in s)
+    assert "1.3 % too low" in told
+    assert "record at 354 Hz or more" in told
+    held = integrated(asked, np.asarray(t, dtype=np.float64), 2.0 / 30.0)
+    motion = Motion(PERIOD, held, moved[:, None], (("velocity", 0),), True)
+    assert first_loop([motion]).error > 5e-3  # what the hold leaves
 
 
 def test_an_integral_time_stands_at_a_speed(tmp_path: Path) -> None:

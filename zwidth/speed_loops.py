@@ -3,8 +3,13 @@
 Such a loop follows its goal without an error that stays, which one in proportion does not. Both are
 fitted to goal and speed (`identification.first_loop`); where the one that integrates leaves less
 than half of what the other does, the description says its integral time.
+
+A diagnosis holds the integral of the goal at its mean over each sample, where it rises by g T. The
+difference to it, g (T / 2 - s) at s in the sample, changes the speed at the samples by -K T^2 / 12
+of itself, m = 1. Where that shows, it is said.
 """
 
+import math
 import re
 import tomllib
 from contextlib import suppress
@@ -20,6 +25,7 @@ from zwidth.logs.stretches import longest_stretch
 from zwidth.logs.timing import examine
 
 SPEED = "velocity_m1"
+LOW = 1e-3  # of the speed, below which what the hold takes of it is not said
 WORTH = 0.5  # of what a loop in proportion leaves, below which the one that integrates is taken
 
 
@@ -30,8 +36,9 @@ def with_integral(guess: Assumed, source: Source) -> Assumed:
     if doubt is None or all(one["quantity"] != "velocity" for one in said["output"]):
         return guess
     loop: SpeedLoop | None = None
+    period = 0.0
     with suppress(ValueError):  # too short or too broken for a fit: in proportion it stays
-        loop = _loop(guess.text, source)
+        loop, period = _loop(guess.text, source)
     if loop is None or loop.integral_time <= 0.0 or loop.error >= WORTH * loop.proportional:
         return guess
     time = float(f"{loop.integral_time:.4g}")
@@ -41,6 +48,12 @@ def with_integral(guess: Assumed, source: Source) -> Assumed:
         f" {100.0 * loop.proportional:.3g} % without the integral); its gains are fitted, and"
         " forces are counted in them"
     )
+    if (low := loop.stiffness * period**2 / 12.0) > LOW:
+        told += (
+            f"; it is stiff against the sampling: the simulated speed is {100.0 * low:.2g} % too"
+            " low, and effects of that size may be none; record at"
+            f" {math.ceil(math.sqrt(low / LOW) / period):g} Hz or more"
+        )
     text = re.sub(
         r"(?m)^(\[input\].*\n(?:.+\n)*?)scale = .*$",
         rf"\g<1>integral_time_s = {time!r} # proportional over integral gain",
@@ -54,10 +67,11 @@ def with_integral(guess: Assumed, source: Source) -> Assumed:
     )
 
 
-def _loop(text: str, source: Source) -> SpeedLoop:
+def _loop(text: str, source: Source) -> tuple[SpeedLoop, float]:
     trace = read_source(description_of(text.encode(), Path("guess.recording.toml")), source)
     used, _ = longest_stretch(trace, ("command", SPEED), "the recording")
-    return speed_loop(used["command"], used[SPEED], examine(used.t).period)
+    period = examine(used.t).period
+    return speed_loop(used["command"], used[SPEED], period), period
 
 
 def _without_position(text: str) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.gaps import Gain
 from zwidth.diagnosis.noise.predictor import (
     Observer,
     deviation,
@@ -84,7 +85,7 @@ def free_share(
     return error / windows
 
 
-def _free(device: Device, seen: Sequence[Experiment], gain: Floats) -> tuple[float, float]:
+def _free(device: Device, seen: Sequence[Experiment], gain: Gain) -> tuple[float, float]:
     """What free runs err by in the first output, and the motion in their windows; both rms."""
     runs = [free_run_errors(device, e, gain, window(e)) for e in seen]
     return rms([error[:, 0] for error, _ in runs]), rms([signal[:, 0] for _, signal in runs])

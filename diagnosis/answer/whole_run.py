@@ -131,9 +131,10 @@ def simulated(
     seen = begun(device, seen, observer) if measured else seen
     eq, fine = ready = prepared(seen.on(device))
     with np.errstate(all="ignore"):  # infinite after an overflow
-        memory, full = memory_at(ready, seen, device, observer.gain)
+        memory, _ = memory_at(ready, seen, device, observer.gain)
+        blind = np.zeros((eq.states, seen.measured.shape[1]))
         wrong = alone(
-            eq, fine, seen.places(eq), seen.command, seen.measured, np.zeros_like(full),
+            eq, fine, seen.places(eq), seen.command, seen.measured, blind,
             seen.external(eq.dof), memory, seen.strengths,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.model.parameters import Model, leads
+from zwidth.diagnosis.noise.gaps import Gain, along
 from zwidth.diagnosis.noise.predictor import (
     MOST_SUBSTEPS,
     Fineness,
@@ -75,7 +76,7 @@ class Many:
                     members = alike.taken(some)
                     yield _Kind(which[some], Population(members, few, many), members.first)
 
-    def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
+    def innovations(self, experiment: Experiment, gain: Gain) -> Floats:
         """Return innovations (x, ticks, o) under an observer's gain (states, o).
 
         experiment.start: of all, or (x, 2n) where each begins with its own.
@@ -87,7 +88,7 @@ class Many:
             found[:, experiment.uncounted] = 0.0
         return found
 
-    def moments(self, experiment: Experiment, gain: Floats, filters: Floats, skip: int) -> Floats:
+    def moments(self, experiment: Experiment, gain: Gain, filters: Floats, skip: int) -> Floats:
         """Return the sums of w w' (x, o, o), w the filtered innovations after the first `skip`.
 
         Infinite where a member cannot be followed; nothing of the recording's length is kept.
@@ -101,7 +102,7 @@ class Many:
     def _followed(
         self,
         experiment: Experiment,
-        gain: Floats,
+        gain: Gain,
         filters: Floats | None = None,
         skip: int = 0,
         keep: bool = False,
@@ -123,12 +124,13 @@ class Many:
             starts = experiment.start
             own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.external(population.dof)
+            (wide,), columns = along([gain], experiment.bridged)
             recorded = Recorded(
                 plain.command, plain.readings, experiment.places(population), force, arriving,
-                plain.strengths, plain.uncounted,
+                plain.strengths, plain.uncounted, columns,
             )  # fmt: skip
             readings = Readings(
-                padded(gain, device, population, experiment),
+                padded(wide, device, population, experiment),
                 gains[which],
                 origins[which],
                 led[which],

@@ -23,7 +23,7 @@ between parameters and a linear beginning ended about 90 above where they end so
 Limits: a least-squares answer of noisy readings, one valley of it for each of the beginnings tried.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from zwidth.diagnosis.noise.gaps import Gain, along
 from zwidth.diagnosis.noise.predictor import (
     BEGINNING,
     SEARCHING,
@@ -70,12 +71,12 @@ def _population(device: Device, count: int) -> Population:
 
 
 class Beginnings:
-    """Where observers of several gains (gains, states, o) begin to follow with one device."""
+    """Where observers of several gains begin to follow with one device."""
 
-    def __init__(self, device: Device, gains: Floats) -> None:
+    def __init__(self, device: Device, gains: Sequence[Gain]) -> None:
         self.device, self.gains, self.dof = device, gains, device.chain.masses.size
         self.smooth = smooth(device)
-        count, states = gains.shape[0], 2 * self.dof
+        count, states = len(gains), 2 * self.dof
         self.own = _population(device, count)
         self.still = self.own if self.smooth is device else _population(self.smooth, count)
         self.units = _population(self.smooth, states * count)
@@ -87,7 +88,7 @@ class Beginnings:
     def of(self, experiment: Experiment) -> Floats:
         """Return beginnings (gains, 2n): what is added to positions and velocities at first."""
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
-        begins = np.zeros((self.gains.shape[0], 2 * self.dof))
+        begins = np.zeros((len(self.gains), 2 * self.dof))
         errors = self.followed(first, begins)
         with np.errstate(all="ignore"):  # infinite after an overflow
             scale = np.std(errors, axis=1)
@@ -108,10 +109,10 @@ class Beginnings:
 
     def _slopes(self, first: Experiment, own: Floats, scale: Floats) -> tuple[Floats, Floats]:
         """Weighed slopes (gains, 2n, ticks o) by units (gains, 2n) of a beginning, and these."""
-        count, states = self.gains.shape[0], 2 * self.dof
+        count, states = len(self.gains), 2 * self.dof
         units = np.repeat([1.0, 1.0 / first.period], self.dof) * scale[:, :1]
         starts = (units[:, :, None] * np.eye(states)).reshape(count * states, states)
-        repeated = np.repeat(self.gains, states, axis=0)
+        repeated = [gain for gain in self.gains for _ in range(states)]
         if self.smooth is not self.device:
             nothing = np.zeros((count, states))
             own = innovations_each(self.still, first, self.smooth, nothing, self.gains)
@@ -140,7 +141,7 @@ def begun(device: Device, experiment: Experiment, observer: Observer) -> Experim
     """Return the recording with the state that the observer should begin with."""
     if experiment.before is not None:
         return replace(experiment, before=begun(device, experiment.before, observer))
-    (linear,) = Beginnings(experiment.on(device), observer.gain[None]).of(experiment)
+    (linear,) = Beginnings(experiment.on(device), [observer.gain]).of(experiment)
     return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
 
 
@@ -184,7 +185,7 @@ def by_own_slopes(
         return Population(alike(here, count), few, many)
 
     def weighed(starts: Floats) -> Floats:
-        gains = np.broadcast_to(observer.gain, (len(starts), *observer.gain.shape))
+        gains = [observer.gain] * len(starts)
         errors = innovations_each(members(len(starts)), first, here, starts, gains)
         with np.errstate(all="ignore"):  # infinite after an overflow
             white = observer.weigh(errors).reshape(len(starts), -1)
@@ -249,7 +250,11 @@ def _units(experiment: Experiment, observer: Observer, masses: int) -> Floats:
 
 
 def innovations_each(
-    population: Population, experiment: Experiment, device: Device, starts: Floats, gains: Floats
+    population: Population,
+    experiment: Experiment,
+    device: Device,
+    starts: Floats,
+    gains: Sequence[Gain],
 ) -> Floats:
     """Return innovations (members, ticks, o) from a beginning (2n) and under a gain each.
 
@@ -257,14 +262,15 @@ def innovations_each(
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)
+    wide, columns = along(gains, experiment.bridged)
     recorded = Recorded(
         experiment.command, experiment.readings, experiment.places(population), force,
-        strengths=experiment.strengths, uncounted=experiment.uncounted,
+        strengths=experiment.strengths, uncounted=experiment.uncounted, columns=columns,
     )  # fmt: skip
     motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
     motions = np.tile(motion, (population.size, 1))
     memories = observer_memories(population, motions, starts, experiment.begins)
-    readings = Readings(np.stack([padded(g, device, population, experiment) for g in gains]))
+    readings = Readings(np.stack([padded(g, device, population, experiment) for g in wide]))
     with np.errstate(all="ignore"):  # infinite after an overflow
         found = population.follow(
             recorded, memories, readings, keep=True,

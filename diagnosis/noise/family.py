@@ -20,6 +20,7 @@ from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import Beginnings, by_own_slopes, with_play
+from zwidth.diagnosis.noise.gaps import Gain, returning
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
@@ -141,21 +142,26 @@ def noises(
     gains = steady_gains([bare] * ratios.size, seen[0], ratios)
     if links := links_with_play(device):
         gains = with_apart(bare, links, seen[0], gains)
-    usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
-    if usable.size == 0:
+    each = [
+        (ratio, returning(bare, seen, ratio, gain))
+        for ratio, gain in zip(ratios.tolist(), gains, strict=True)
+        if np.all(np.isfinite(gain))
+    ]
+    if not each:
         return []
-    each = {id(e.changes): Beginnings(e.on(device), gains[usable]) for e in seen}
-    asked = [(each[id(e.changes)], e) for e in seen]
+    usable = [gain for _, gain in each]
+    begins = {id(e.changes): Beginnings(e.on(device), usable) for e in seen}
+    asked = [(begins[id(e.changes)], e) for e in seen]
     followed = [(starts := b.of(e), b.followed(e, starts)) for b, e in asked]
     found: list[Noise | None] = []
-    for i, ratio in enumerate(ratios[usable].tolist()):
+    for i, (ratio, gain) in enumerate(each):
         starts, errors = [b[i] for b, _ in followed], [e[i] for _, e in followed]
-        found.append(_noise(gains[usable][i], ratio, family, starts, errors, experiments))
+        found.append(_noise(gain, ratio, family, starts, errors, experiments))
     return [noise for noise in found if noise is not None]
 
 
 def _noise(
-    gain: Floats,
+    gain: Gain,
     ratio: float,
     family: Family,
     starts: Sequence[Floats],

@@ -1,4 +1,4 @@
-"""Innovations of a device on an experiment, under a fixed observer gain; and its free run.
+"""Innovations of a device on an experiment, under a fixed observer; and its free run.
 
 The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
 measured, on the linear part of the device (`noise.steady`). Only their ratio matters for
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.noise.gaps import Gain, along
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
@@ -22,7 +23,7 @@ from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
-from zwidth.sim.predict import GROUND, Outputs, alone
+from zwidth.sim.predict import GROUND, Gains, Outputs, alone
 from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
@@ -41,6 +42,8 @@ SHORTEST_WINDOW = 50  # ticks of a free run
 class Observer:
     """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
 
+    Of recordings with gaps a gain that knows them (`noise.gaps`).
+
     ratio: process force variance a tick, over measurement variance, in units of (noise unit per
     force step of the rigid body), as `observer_for` takes it. whitening: W (o, o, order + 1) with
     sum_k W_k e_(t-k) white, of unit variance, and of no correlation between outputs; None for none.
@@ -51,7 +54,7 @@ class Observer:
     nothing, and are not counted, nor are those just after them.
     """
 
-    gain: Floats
+    gain: Gain
     deviation: Floats
     ratio: float
     whitening: Floats | None = None
@@ -260,14 +263,16 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
 
 
 def memory_at(
-    ready: Prepared, experiment: Experiment, device: Device, gain: Floats
-) -> tuple[Memory, Floats]:
+    ready: Prepared, experiment: Experiment, device: Device, gain: Gain
+) -> tuple[Memory, Floats | Gains]:
     """Return the memory with which an observer begins a recording, and its gain as padded.
 
     Of the rest of a recording, that with which it ends what was recorded before.
     """
     eq, fine = ready
-    full = padded(gain, experiment.on(device), eq, experiment)
+    (wide,), columns = along([gain], experiment.lost)
+    full = padded(wide, experiment.on(device), eq, experiment)
+    full = Gains(full, columns) if columns.size else full
     if experiment.before is None:
         return observer_memory(eq, experiment), full
     before = experiment.before
@@ -315,7 +320,7 @@ def observer_memories(
 def innovations(
     device: Device,
     experiment: Experiment,
-    gain: Floats,
+    gain: Gain,
     external: Floats | None = None,
     ready: Prepared | None = None,
 ) -> Floats:
@@ -339,26 +344,27 @@ def innovations(
     return found
 
 
-def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
+def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
     """Return positions and velocities (ticks, 2n) of all masses as an observer predicts them.
 
     By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
     """
-    n = device.chain.masses.size
+    n, o = device.chain.masses.size, len(experiment.outputs)
     sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
     bare = device.without_physics(*sensors) if sensors else device
     further = tuple(Output(q, i, truly=True) for q in ("position", "velocity") for i in range(n))
-    wide = replace(
-        experiment,
-        outputs=(*experiment.outputs, *further),
-        measured=np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))]),
-        bridged=None,
-    )
-    still = _beside(gain, len(experiment.outputs), 2 * n)
-    return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
+    wide = replace(experiment, outputs=(*experiment.outputs, *further))
+    eq, fine = ready = prepared(experiment.on(bare))
+    memory, full = memory_at(ready, experiment, bare, gain)
+    found = alone(
+        eq, fine, wide.places(eq), experiment.command,
+        np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))]),
+        _beside(full, o, 2 * n), experiment.external(eq.dof), memory, experiment.strengths,
+    )  # fmt: skip
+    return -found[:, o:]
 
 
-def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats) -> Floats:
+def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:
     """Return what a device gives (ticks, o) under a command, its innovations e given (ticks, o).
 
     In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
@@ -382,17 +388,20 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     return errors - found[:, o:]
 
 
-def _beside(gain: Floats, outputs: int, more: int) -> Floats:
-    """A gain with outputs that correct nothing after its own, in contact and free of it."""
-    parts = np.split(gain, gain.shape[1] // outputs, axis=1)
-    nothing = np.zeros((gain.shape[0], more))
-    return np.hstack([half for part in parts for half in (part, nothing)])
+def _beside(gain: Floats | Gains, outputs: int, more: int) -> Floats | Gains:
+    """Gains with outputs that correct nothing after those of each."""
+    of, columns = gain if isinstance(gain, Gains) else (gain, None)
+    parts = of.reshape(of.shape[0], -1, outputs)
+    wide = np.pad(parts, ((0, 0), (0, 0), (0, more))).reshape(of.shape[0], -1)
+    return wide if columns is None else Gains(wide, columns // outputs * (outputs + more))
 
 
 def padded(
     gain: Floats, device: Device, eq: Equations | Population, experiment: Experiment
 ) -> Floats:
     """Gain for a device with other states than the one it was made for: a lag, further masses.
+
+    gain: one, or several beside each other, the steady one first.
 
     A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
     One made for readings that lag makes up for that, and may drive a device without the lag away:
@@ -456,7 +465,7 @@ def free_run_starts(experiment: Experiment, length: int) -> list[int]:
 
 
 def free_run_errors(
-    device: Device, experiment: Experiment, gain: Floats, window: int
+    device: Device, experiment: Experiment, gain: Gain, window: int
 ) -> tuple[Floats, Floats]:
     """Return (errors, measured about its mean in each window), each (windows x window, o).
 
@@ -467,6 +476,7 @@ def free_run_errors(
     places = experiment.places(eq)
     memory, full = memory_at(ready, experiment, device, gain)
     moved, readings = experiment.external(eq.dof), experiment.readings
+    blind = np.zeros((eq.states, readings.shape[1]))
     errors: list[Floats] = []
     signal: list[Floats] = []
     judged = set(free_run_starts(experiment, window))
@@ -477,7 +487,7 @@ def free_run_errors(
         s = experiment.strengths_in(slice(first, first + window))
         if first in judged:
             free = copied(memory)
-            wrong = alone(eq, fine, places, u, y, np.zeros_like(full), f, free, s)
+            wrong = alone(eq, fine, places, u, y, blind, f, free, s)
             about = y - experiment.measured[first : first + window].mean(axis=0)
             errors.append(np.where(np.isnan(y), 0.0, wrong))
             signal.append(np.where(np.isnan(y), 0.0, about))
@@ -494,7 +504,7 @@ class FreeRuns(NamedTuple):
 
 
 def free_runs(
-    device: Device, experiment: Experiment, gain: Floats, lengths: Sequence[int], most: int
+    device: Device, experiment: Experiment, gain: Gain, lengths: Sequence[int], most: int
 ) -> list[FreeRuns]:
     """Return free runs of several lengths, as `free_run_errors` makes them.
 
@@ -561,7 +571,7 @@ def observer_near(device: Device, experiment: Experiment, ratio: float) -> Float
     return observer_for(device, experiment, ratio * 1e6)
 
 
-def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:
+def deviation(device: Device, experiments: Sequence[Experiment], gain: Gain) -> Floats:
     """Return the rms of the innovations, (o,)."""
     kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
     with np.errstate(all="ignore"):  # infinite after an overflow

@@ -82,19 +82,39 @@ class Steady(NamedTuple):
     scatter: Floats
 
 
+class Spread(NamedTuple):
+    """What an observer does not know of the state, and what it follows from.
+
+    P (states, states) before a sample, motion A over a tick, c (o, states), process noise Q and
+    noise R of what is measured; of several observers all but R with a first axis of members.
+    """
+
+    p: Floats
+    motion: Floats
+    c: Floats
+    process: Floats
+    noise: Floats
+
+    def gain(self) -> Floats:
+        """Return P c' (c P c' + R)^-1, (..., states, o)."""
+        seen = self.c @ self.p
+        with np.errstate(all="ignore"):
+            return seen.swapaxes(-1, -2) @ np.linalg.inv(seen @ self.c.T + self.noise)
+
+
 def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """Return the steady observer for a ratio of process to measurement variance.
 
     The process noise is in units of the force that moves the whole mass by one noise unit within a
     tick, which keeps the ratio free of the device's units. Raises NoObserver where there is none.
     """
-    found = _in_contact(device, experiment, ratio)
+    found, _ = _in_contact(device, experiment, ratio)
     if links := links_with_play(device):
         return found._replace(gain=with_apart(device, links, experiment, found.gain))
     return found
 
 
-def _in_contact(device: Device, experiment: Experiment, ratio: float) -> Steady:
+def _in_contact(device: Device, experiment: Experiment, ratio: float) -> tuple[Steady, Spread]:
     plant = device.plant()
     a, b = hold(plant, experiment.period)
     c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
@@ -109,7 +129,8 @@ def _in_contact(device: Device, experiment: Experiment, ratio: float) -> Steady:
     solution = _riccati(a, c, process, noise)
     innovation = c @ solution @ c.T + noise
     gain = np.linalg.solve(innovation, c @ solution).T
-    return Steady(np.asarray(gain, dtype=np.float64), np.sqrt(np.diag(innovation)))
+    found = Steady(np.asarray(gain, dtype=np.float64), np.sqrt(np.diag(innovation)))
+    return found, Spread(solution, a, c, process, noise)
 
 
 def steady_gains(
@@ -120,11 +141,29 @@ def steady_gains(
     Of the same noise as `steady`; ratio: (members,), or one for all. NaN for a member without an
     observer.
     """
-    plants = [device.plant() for device in devices]
     ratios = np.broadcast_to(ratio, len(devices)).astype(np.float64)
-    if any(_stands_unseen(plant, experiment) for plant in plants):
+    if any(_stands_unseen(device.plant(), experiment) for device in devices):
         each = zip(devices, ratios.tolist(), strict=True)
         return np.stack([_gain_or_nothing(d, experiment, r) for d, r in each])
+    return _spreads(devices, experiment, ratios).gain()
+
+
+def spread(device: Device, experiment: Experiment, ratio: float) -> Spread:
+    """Return what the steady observer of `steady_gains` does not know of the state of a device.
+
+    Where the device stands unseen, as if m1's place were known, which no gain depends on. Raises
+    NoObserver where there is none.
+    """
+    if _stands_unseen(device.plant(), experiment):
+        return _in_contact(device, experiment, ratio)[1]
+    p, motion, c, process, noise = _spreads([device], experiment, np.array([ratio]))
+    if not np.all(np.isfinite(p)):
+        raise NoObserver("no steady observer: the equation of its covariance does not settle")
+    return Spread(p[0], motion[0], c, process[0], noise)
+
+
+def _spreads(devices: Sequence[Device], experiment: Experiment, ratios: Floats) -> Spread:
+    plants = [device.plant() for device in devices]
     size, dof = plants[0].size, plants[0].dof
     b = np.stack([p.b for p in plants])
     motion = np.zeros((len(plants), size, size + b.shape[2]))
@@ -137,9 +176,8 @@ def steady_gains(
     source = motion[:, :, size + 1] * scale[:, None]
     process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
     noise = np.diag(noise_scale(experiment) ** 2)
-    p = _doubled(motion[:, :, :size], c, process, noise)
-    with np.errstate(all="ignore"):
-        return (c @ p).swapaxes(1, 2) @ np.linalg.inv(c @ p @ c.T + noise)
+    own = motion[:, :, :size]
+    return Spread(_doubled(own, c, process, noise), own, c, process, noise)
 
 
 def links_with_play(device: Device) -> tuple[int, ...]:
@@ -254,7 +292,9 @@ def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
     return free and not any(o.tells_position for o in experiment.outputs)
 
 
-def _of_motion(plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats) -> Steady:
+def _of_motion(
+    plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats
+) -> tuple[Steady, Spread]:
     """The observer of a device that stands unseen, as the module says; all in its own states."""
     others = np.eye(plant.size)[1:]
     others[: plant.dof - 1, 0] = -1.0  # z = others x
@@ -270,4 +310,6 @@ def _of_motion(plant: Plant, a: Floats, c: Floats, process: Floats, noise: Float
     x = np.linalg.solve((np.eye(p.shape[0]) - closed).T, known)
     whole = back @ gain
     whole[: plant.dof] += np.linalg.solve(innovation, seen @ x)  # all masses stand on m1
-    return Steady(whole, np.sqrt(np.diag(innovation)))
+    beside = np.outer(np.arange(plant.size) < plant.dof, back @ x)
+    known_as = Spread(back @ p @ back.T + beside + beside.T, a, c, process, noise)
+    return Steady(whole, np.sqrt(np.diag(innovation))), known_as

@@ -33,6 +33,7 @@ from zwidth.diagnosis.fitting.evolve import Arrived, Generations, evolve
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import blind
+from zwidth.diagnosis.noise.gaps import steadily, with_steady
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -142,10 +143,10 @@ def _tried(
         asked.append(wide.within(own))
     # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
     there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
-    contact = there.observer.gain[:, : len(experiments[0].outputs)]
+    contact = steadily(there.observer.gain)[:, : len(experiments[0].outputs)]
     links, seen = links_with_play(device), model.seen(experiments[0], x)
     gain = with_apart(device.bare(), links, seen, contact)  # as `noises` has them
-    observer = replace(there.observer, gain=gain)
+    observer = replace(there.observer, gain=with_steady(there.observer.gain, gain))
     without, *found = Landscape(there.experiments, observer, wide).costs(asked)
     costs = np.nan_to_num(np.array(found), nan=np.inf)
     best = int(np.argmin(costs))
