@@ -73,7 +73,6 @@ def command(
         from zwidth.model_runs import ModelRuns, named_simulator
 
         simulate, simulator = ModelRuns(known, model, joint), named_simulator(model)
-    console.will_write(*(file for file in (junit, rebase) if file is not None))
     announce(console)
     HEART.said("reading the recordings")
     recordings: list[tuple[str, list[Experiment]]] = []
@@ -83,6 +82,7 @@ def command(
             if line.startswith("assumed"):
                 console.note(f"{log.name}: {line}")
         recordings.append((log.name, stretches(trace, known, log.stem)))
+    console.will_write(*(file for file in (junit, rebase) if file is not None))
     HEART.said("checking")
     if rebase is not None:
         return _rebased(console, rebased(known, recordings, simulate), rebase)
