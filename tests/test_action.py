@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,10 @@ if shutil.which("bash") is None:
     pytest.skip("there is no bash", allow_module_level=True)
 
 
+def _of(known: dict[str, str]) -> Callable[[re.Match[str]], str]:
+    return lambda found: known[found.group(1)]
+
+
 def step(name: str, given: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a step with these inputs, as a runner does: expressions in `env`, bash -e -o pipefail."""
     action: Any = yaml.safe_load(ACTION.read_text())
@@ -33,7 +38,7 @@ def step(name: str, given: dict[str, str], folder: Path) -> subprocess.Completed
         "github.action_path": str(ACTION.parent)
     }
     env = {
-        key: re.sub(r"\$\{\{ *([\w.]+) *\}\}", lambda m: known[str(m[1])], value)
+        key: re.sub(r"\$\{\{ *([\w.]+) *\}\}", _of(known), value)
         for key, value in own["env"].items()
     }
     (folder / "temp").mkdir(exist_ok=True)

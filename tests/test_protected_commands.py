@@ -190,7 +190,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     device = load_device("phantom_1_0")
     save_device(device, folder / "dev.toml")
     assert device.modal is not None
-    band = Band(0.4, 6, 1e-4, (OutputBand("position_m1", 1.0, 1e-9, 1.0, 0.5),))
+    output = OutputBand("position_m1", 1.0, 1e-9, 1.0, 0.5)
+    band = Band(0.4, 6, 1e-4, (output,), ("command_late",))  # as an exact response has it
     save_device(replace(device, band=band), folder / "band.toml")
     u = noise(duration=12.0)
     q = position(device.modal, 0.0, u, 0.001)

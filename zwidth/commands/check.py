@@ -46,7 +46,7 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> int:
-    """Say whether a device is still true of the machine that recordings are of.
+    """Say whether a device is still true of its machine: for a build that fails if not.
 
     DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] says how far free runs erred then.
     LOG is a recording that 'zwidth diagnose' reads.

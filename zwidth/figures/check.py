@@ -15,13 +15,13 @@ def check_figure(shares: Sequence[tuple[str, float, bool]]) -> Figure:
         figure = Figure(figsize=(6.4, 1.0 + 0.35 * max(1, len(shares))), layout="constrained")
         ax = figure.subplots()
         places = np.arange(len(shares))
-        ax.barh(places, [share for _, share, _ in shares], 0.6, left=0.0,
+        ax.barh(places, [100.0 * share for _, share, _ in shares], 0.6, left=0.0,
                 color=[AFTER if within else BEFORE for _, _, within in shares])  # fmt: skip
-        ax.axvline(1.0, color="0.3", linestyle="--", linewidth=1.0)
+        ax.axvline(100.0, color="0.3", linestyle="--", linewidth=1.0)
         ax.set_xscale("log")
-        lowest = min([0.1, *(0.5 * share for _, share, _ in shares if share > 0.0)])
-        ax.set_xlim(lowest, max([2.0, *(1.5 * share for _, share, _ in shares)]))
+        lowest = min([10.0, *(50.0 * share for _, share, _ in shares if share > 0.0)])
+        ax.set_xlim(lowest, max([200.0, *(150.0 * share for _, share, _ in shares)]))
         ax.set_yticks(places, [name for name, _, _ in shares])
         ax.invert_yaxis()
-        ax.set_xlabel("error of free runs over the most within the band (dashed)")
+        ax.set_xlabel("error of free runs [% of the most within the band, dashed]")
     return figure
