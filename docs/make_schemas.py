@@ -100,7 +100,7 @@ def _effects() -> list[Schema]:
 def _tables() -> Schema:
     from zwidth.sim.physics.two_tables import TABLES
 
-    return dict.fromkeys(TABLES, {"type": "array"})
+    return {key: {"type": "array"} for key in TABLES}
 
 
 ESTIMATE = closed({"value": MAYBE, "unit": TEXT, "ci95": several(MAYBE)})

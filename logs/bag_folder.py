@@ -130,7 +130,7 @@ def _topic(number: int, name: str, kind: str, form: str, definition: str | None)
 def _standard(kind: str) -> str | None:
     """The definition of a standard type of ROS 2, None without `rosbags` or for another one."""
     try:
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
     except ImportError:
         return None
     try:

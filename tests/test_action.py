@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,8 @@ if shutil.which("bash") is None:
     pytest.skip("there is no bash", allow_module_level=True)
 
 
-def _of(known: dict[str, str]) -> Callable[[re.Match[str]], str]:
-    return lambda found: known[found.group(1)]
+def _of(known: Mapping[str, str | None]) -> Callable[[re.Match[str]], str]:
+    return lambda found: str(known[found.group(1)])
 
 
 def step(name: str, given: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:

@@ -48,8 +48,8 @@ def arm() -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
 
 def write_bag(folder: Path, storage: str, part: slice = slice(None)) -> Path:
     """A robot's bag: its joints, an IMU, a camera and transforms."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
+    from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
     types = get_typestore(Stores.ROS2_HUMBLE)
     kinds = {name: types.types[name] for name in types.types}

@@ -87,6 +87,7 @@ CASES: dict[str, Case | str] = {
         "sweep",
     ),
     "explore": NOTHING,
+    "mcp": NOTHING,
     "simulate": Case(
         "wall.toml --out o",
         ("o/wall.mcap", "o/wall.png"),

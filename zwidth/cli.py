@@ -48,6 +48,7 @@ COMMANDS = {
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
+    "mcp": ("Serve diagnose, check, plan and boundary to agents, by the Model Context Protocol."),
     "paper": (
         "Compute the paper's figures and tables again, ours beside theirs, as one HTML report."
     ),
@@ -73,6 +74,7 @@ EXAMPLES = {
     "effects": "zwidth effects backlash",
     "conceal": "zwidth conceal --strata single_5x=1 --seconds 8",
     "exam": "zwidth exam runs/exam --strata none=1,single_5x=1",
+    "mcp": "zwidth mcp",
     "paper": "zwidth paper --section modes",
 }
 
