@@ -81,6 +81,8 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
 
 def _model(mujoco: Any, file: Path) -> Any:
     text = reading(file).read_text(encoding="utf-8")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # entities may unpack to gigabytes
+        raise ValueError("it declares a DOCTYPE or entities, which no model needs; take them out")
     root = ElementTree.fromstring(text)
     if root.tag != "robot":
         try:

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
 
+from zwidth.logs.bag_folder import is_bag
 from zwidth.logs.opening import opened
 from zwidth.logs.recording_file import load_description
 
@@ -57,7 +58,7 @@ class Listed:
 def is_fleet(path: Path) -> bool:
     """Whether a path is a folder or a table of recordings, and no recording itself."""
     if path.is_dir():
-        return True
+        return not is_bag(path)
     if path.suffix.lower() not in (".csv", ".toml") or not path.is_file():
         return False
     with opened(path) as file:

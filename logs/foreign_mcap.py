@@ -8,13 +8,16 @@ stamp or timestamp.
 A field that is a number in most messages of its topic is a signal with gaps where a message lacks
 it or tells a text in its place; one that fewer messages have keeps the stamps of those alone.
 
+A file with the state of joints is of these: topics of other types than commands are put aside, for
+a description to name, and images, clouds of points and transforms are not decoded at all.
+
 The walk over the file is that of our own logs: a chunk with a wrong checksum is left out and named.
 """
 
 import json
 import os
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from io import StringIO
@@ -41,6 +44,16 @@ JOINT_STATE = ("position", "velocity", "effort")
 STAMPS = (("header", "stamp"), ("stamp",), ("timestamp",))
 CLOCKS = ("log_time", "publish_time", *(".".join(place) for place in STAMPS))
 
+JOINTS = ("JointState", "DynamicJointState", "JointTrajectoryControllerState")
+COMMANDS = (
+    "Float32", "Float64", "Float32MultiArray", "Float64MultiArray", "JointTrajectory", "JointJog",
+    "JointCommand", "MultiDOFCommand", "Wrench", "WrenchStamped",
+)  # fmt: skip
+NO_MOTION = (
+    "Image", "CompressedImage", "CameraInfo", "PointCloud2", "PointCloud", "LaserScan", "TFMessage",
+    "OccupancyGrid", "Log", "ParameterEvent", "Marker", "MarkerArray", "DiagnosticArray",
+)  # fmt: skip
+
 Leaves = dict[str, float | int | str]
 Decoder = Callable[[bytes], Any]
 
@@ -56,10 +69,14 @@ class Series:
 
 @dataclass
 class Topic:
-    """The messages of one channel: their clocks, and their fields as they turn up."""
+    """The messages of one channel: their clocks, and their fields as they turn up.
+
+    kind: the name of their type without its package, "JointState"; "" for none.
+    """
 
     name: str
     decode: Decoder
+    kind: str = ""
     clocks: dict[str, list[int | None]] = field(default_factory=dict[str, list[int | None]])
     series: dict[str, Series] = field(default_factory=dict[str, Series])
     count: int = 0
@@ -128,7 +145,7 @@ def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
     schemas = {} if summary is None else {schema.id: schema for schema in summary.schemas}
     topics: dict[int, Topic | str] = {}
     for channel in () if summary is None else summary.channels:
-        topics[channel.id] = _open(channel, schemas.get(channel.schema_id))
+        topics[channel.id] = open_topic(channel, schemas.get(channel.schema_id))
     inconsistent = 0
     for record in walk:
         try:
@@ -137,7 +154,7 @@ def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
                     schemas[part.id] = part
                 elif isinstance(part, Channel):
                     if part.id not in topics:
-                        topics[part.id] = _open(part, schemas.get(part.schema_id))
+                        topics[part.id] = open_topic(part, schemas.get(part.schema_id))
                 elif isinstance(topic := topics.get(part.channel_id), Topic):
                     topic.take(part)
         except (McapError, UnicodeDecodeError, ValueError, OverflowError):
@@ -155,9 +172,12 @@ def _parts(record: object) -> Iterator[Schema | Channel | Message]:
         yield record
 
 
-def _open(channel: Channel, schema: Schema | None) -> Topic | str:
+def open_topic(channel: Channel, schema: Schema | None) -> Topic | str:
     """Return a topic that can be decoded, or why it cannot."""
     encoding = channel.message_encoding
+    kind = "" if schema is None else schema.name.rpartition("/")[2]
+    if kind in NO_MOTION and encoding == "cdr":
+        return f"{channel.topic} is of {kind}, which tells no motion of a joint, and is not read"
     if encoding == "json":
         return Topic(channel.topic, json.loads)
     from mcap_protobuf.decoder import DecoderFactory as Protobuf
@@ -168,7 +188,7 @@ def _open(channel: Channel, schema: Schema | None) -> Topic | str:
             with redirect_stderr(StringIO()):  # the parser of ROS messages prints its complaints
                 decode = factory.decoder_for(encoding, schema)
             if decode is not None:
-                return Topic(channel.topic, decode)
+                return Topic(channel.topic, decode, kind)
     except MemoryError:
         raise
     except Exception as error:  # a schema that its own parser cannot read
@@ -261,8 +281,6 @@ def _float(value: float | int) -> float:
 def _source(
     path: Path, walk: Walk, indexed: bool, inconsistent: int, topics: dict[int, Topic | str]
 ) -> Source:
-    signals: dict[str, Signal] = {}
-    unreadable: dict[str, str] = {}
     notes = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in walk.damages]
     if len(notes) > MOST_NOTES:
         notes[MOST_NOTES:] = [f"{len(notes) - MOST_NOTES} more such places follow"]
@@ -272,18 +290,34 @@ def _source(
         notes.append("the file was not closed or is cut short; it is read up to there")
     elif not indexed:
         notes.append("the index at the end of the file is missing or damaged; no message is lost")
-    for topic in topics.values():
-        if isinstance(topic, str):
-            notes.append(topic)
-            continue
-        if topic.undecoded:
-            notes.append(f"{topic.undecoded} messages of {topic.name} do not match their schema")
-        for signal in topic.signals():
-            signals[_free(signal.name, signals)] = signal
-        unreadable.update(topic.texts())
+    signals, aside, unreadable, said = signals_of(list(topics.values()))
+    notes += said
     if not topics:
         raise RecordingError(f"no topic of {path.name}, an MCAP file, can be read")
-    return Source(path, "MCAP", signals, unreadable, tuple(notes))
+    return Source(path, "MCAP", signals, unreadable, tuple(notes), aside=aside)
+
+
+def signals_of(
+    topics: Sequence[Topic | str],
+) -> tuple[dict[str, Signal], dict[str, Signal], dict[str, str], list[str]]:
+    """Return the signals of topics, those put aside, what is unreadable and why, and notes."""
+    signals: dict[str, Signal] = {}
+    aside: dict[str, Signal] = {}
+    unreadable: dict[str, str] = {}
+    notes = [topic for topic in topics if isinstance(topic, str)]
+    read = [topic for topic in topics if isinstance(topic, Topic)]
+    joints = any(topic.kind in JOINTS and topic.series for topic in read)
+    for topic in read:
+        if topic.undecoded:
+            notes.append(f"{topic.undecoded} messages of {topic.name} do not match their schema")
+        beside = joints and topic.kind and topic.kind not in (*JOINTS, *COMMANDS)
+        if beside:
+            notes.append(f"{topic.name}, of {topic.kind}, is taken only where a description says")
+        for signal in topic.signals():
+            place = aside if beside else signals
+            place[_free(signal.name, signals | aside)] = signal
+        unreadable.update(topic.texts())
+    return signals, aside, unreadable, notes
 
 
 def _free(name: str, taken: Mapping[str, Signal]) -> str:

@@ -19,6 +19,9 @@ NUMERIC = range(6, 16)
 DEEPEST = 64
 
 
+MOST_BYTES = 1 << 33  # of a variable, unpacked
+
+
 class BrokenElements(ValueError):
     """The elements of the file are not what they must be."""
 
@@ -43,7 +46,11 @@ def check_elements(data: bytes) -> None:
 
 def _inflated(data: bytes) -> bytes:
     try:
-        return zlib.decompressobj().decompress(data)
+        unpacking = zlib.decompressobj()
+        found = unpacking.decompress(data, MOST_BYTES)
+        if unpacking.unconsumed_tail:
+            raise BrokenElements(f"a variable that unpacks to more than {MOST_BYTES >> 20} MiB")
+        return found
     except zlib.error as error:
         raise BrokenElements(f"a variable that cannot be decompressed ({error})") from None
 

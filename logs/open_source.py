@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
+from zwidth.logs.bag_folder import SQLITE, is_bag, read_bag, read_sqlite
 from zwidth.logs.codesys_file import is_trace, read_trace
 from zwidth.logs.csv_file import read_csv
 from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
@@ -47,6 +48,7 @@ STARTS: tuple[tuple[bytes, Reader], ...] = (
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", read_excel),
     (LVM, read_lvm),
     (b"TDSm", read_tdms),
+    (SQLITE, read_sqlite),
     (b"ULog\x01\x12\x35", read_ulog),
     (WPILOG, read_wpilog),
     (HDF5, read_hdf5),
@@ -55,10 +57,13 @@ STARTS: tuple[tuple[bytes, Reader], ...] = (
 
 
 def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
-    """Return the signals of a file; csv: what is known about it if it is a text table.
+    """Return the signals of a file, or of the folder of a bag of ROS 2.
 
-    Raises RecordingError, or the LogError of a file that cannot be opened.
+    csv: what is known about it if it is a text table. Raises RecordingError, or the LogError of a
+    file that cannot be opened.
     """
+    if is_bag(path):
+        return read_bag(path)
     with opened(path) as file:
         if is_mcap(file):
             return read_foreign_mcap(path, file)
@@ -94,6 +99,8 @@ def own_log(path: Path) -> Log | Source:
 
     A log without a sample, such as the start of one that was cut short, is an error, too.
     """
+    if is_bag(path):
+        return read_bag(path)
     with opened(path) as file:
         mcap = is_mcap(file)
     if mcap:

@@ -15,11 +15,6 @@ STARTS: tuple[tuple[bytes, str, str], ...] = (
         "'rostopic echo -p -b FILE /joint_states > joints.csv' makes a table of a topic, 'mcap"
         " convert FILE out.mcap' an MCAP file",
     ),
-    (
-        b"SQLite format 3\0",
-        "a database of SQLite, as a bag of ROS 2 is",
-        "'mcap convert FILE out.mcap' makes an MCAP file of a bag",
-    ),
     (b"MDF     ", "an MDF file", "'asammdf' exports it as CSV, MAT or Parquet"),
     (b"LOGG\x90\0\0\0", "a CAN log of Vector (BLF)", "decode it with its DBC, in 'asammdf' for"
      " instance, to a CSV of signals"),

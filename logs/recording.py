@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.files.protection import reading
+from zwidth.logs.bag_folder import bag_files, is_bag
 from zwidth.logs.conversion import Converted, convert, integrated
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mended_stamps import mended
@@ -340,5 +341,8 @@ def _decimal_seconds(origin: Any) -> str:
 
 
 def _sha256(path: Path) -> str:
-    with opened(path) as file:
-        return hashlib.sha256(file.read()).hexdigest()
+    found = hashlib.sha256()
+    for part in bag_files(path) if is_bag(path) else [path]:
+        with opened(part) as file:
+            found.update(file.read())
+    return found.hexdigest()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from zwidth.shown import Shown
+from zwidth.sim.band import Band
 from zwidth.sim.chain import (
     Chain,
     Chains,
@@ -40,7 +41,8 @@ class Device(Shown):
 
     rotary: N m and rad; else N and m. modal is kept where the device was given in modal form (then
     chain is the same model as a chain). physics: effects that have no field in the interface or the
-    chain. uncertainty: how well these values are known; fits use it, simulations ignore it.
+    chain. uncertainty: how well these values are known; fits use it, simulations ignore it. band:
+    how far its free runs erred when it was diagnosed; None where it was not.
 
     Raises DeviceError or ValueError with a sentence that names the field and what is allowed: for a
     place that the chain does not have, an effect twice at one place, an effect that has a field in
@@ -56,6 +58,7 @@ class Device(Shown):
     physics: tuple[Physics, ...] = ()
     modal: ModalModel | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    band: Band | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "chain", make_chain(*self.chain))
@@ -104,7 +107,7 @@ class Device(Shown):
 
     def _values(self) -> tuple[object, ...]:
         said = self.name, self.source, self.rotary
-        return *said, self.interface, self.physics, self.modal, self.uncertainty
+        return *said, self.interface, self.physics, self.modal, self.uncertainty, self.band
 
     def plant(self) -> Plant:
         """Return the linear equations, delay and steps left out.

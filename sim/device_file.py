@@ -1,12 +1,12 @@
 """A device as TOML text: read, checked, written back to the bit.
 
     schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [drive];
-    [uncertainty]; [[physics]]
+    [uncertainty]; [band] with [[band.output]]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
 m_kg, b_ns_per_m on a linear one. [drive] is what a data sheet says of motor and amplifier
 (`sim.drive`); a device keeps what follows from it, and is written so. [uncertainty] says how well
-the rest is known, as shares of it.
+the rest is known, as shares of it. [band] is what a diagnosis measured of the device.
 """
 
 import hashlib
@@ -22,6 +22,7 @@ import tomli_w
 
 from zwidth.files.protection import reading, writing_as
 from zwidth.files.whole import write_text
+from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.chain import Chain, make_chain
 from zwidth.sim.device import Device, DeviceError, home, place_label, warnings_of
 from zwidth.sim.device_keys import DEVICE_KEYS
@@ -45,11 +46,15 @@ SHIPPED = Path(__file__).parent / "devices"
 
 TOP_KEYS = (
     "schema", "name", "source", "rotary", "modal", "chain", "interface", "drive", "uncertainty",
-    "physics",
+    "band", "physics",
 )  # fmt: skip
 CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_dampers")
 MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
 MODE_KEYS = ("omega_rad_s", "c_rad_s", "v_rad_s", "d_rad_s")
+BAND_KEYS = {
+    "window_s": "window", "windows": "windows", "observer_ratio": "ratio", "corrected": "corrected"
+}  # fmt: skip
+BAND_OUTPUT_KEYS = ("name", "error", "noise", "motion", "scatter")
 INTERFACE_KEYS = {
     "period_s": "period",
     "delay_s": "delay",
@@ -210,6 +215,13 @@ def device_to_text(device: Device) -> str:
     }
     if uncertain:
         sections.append(_section("[uncertainty]", uncertain.keys(), uncertain.values()))
+    if device.band is not None:
+        band = device.band
+        values = band.window, band.windows, band.ratio, list(band.corrected)
+        sections.append(_section("[band]", BAND_KEYS, values))
+        for output in band.outputs:
+            own = (getattr(output, key) for key in BAND_OUTPUT_KEYS)
+            sections.append(_section("[[band.output]]", BAND_OUTPUT_KEYS, own))
     for physics in device.physics:
         entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
         entry |= _numbers(physics)
@@ -346,6 +358,7 @@ def _device(top: Table) -> Device:
         tuple(physics for physics in entries if home(physics) is None),
         modal,
         _uncertainty(top.table("uncertainty")),
+        _band(top.table("band")) if "band" in top else None,
     ).with_physics(*(physics for physics in entries if home(physics) is not None))
     return _drive(top.table("drive")).on(device) if "drive" in top else device
 
@@ -410,6 +423,20 @@ def _uncertainty(table: Table) -> Uncertainty:
     table.only(UNCERTAINTY_FIELDS)
     given = {key: table.number(key) for key in UNCERTAINTY_FIELDS if key in table}
     return Uncertainty(**given)
+
+
+def _band(table: Table) -> Band:
+    table.only((*BAND_KEYS, "output"))
+    outputs = tuple(
+        OutputBand(own.text("name"), *(own.number(key) for key in BAND_OUTPUT_KEYS[1:]))
+        for own in (each.only(BAND_OUTPUT_KEYS) for each in table.tables("output"))
+    )
+    windows = table.number("windows")
+    return Band(
+        table.number("window_s"), int(windows) if windows % 1.0 == 0.0 else windows,  # pyright: ignore[reportArgumentType]
+        table.number("observer_ratio"), outputs,
+        tuple(table.texts("corrected")) if "corrected" in table else (),
+    )  # fmt: skip
 
 
 def read_physics(table: Table) -> Physics:

@@ -122,6 +122,16 @@ DEVICE_KEYS: tuple[Key, ...] = (
             strict=True,
         )
     ),
+    Key("band", "window_s", "of a free run", "s"),
+    Key("band", "windows", "how many free runs the diagnosis judged"),
+    Key("band", "observer_ratio", "process over measurement variance of the observer that starts"
+        " them"),
+    Key("band", "corrected", "faults that were corrected in the recordings", default="[]"),
+    Key("band.output", "name", 'the output, as "position_m1"'),
+    Key("band.output", "error", "rms of the free runs, in the unit of the output, as all here"),
+    Key("band.output", "noise", "rms error one step ahead"),
+    Key("band.output", "motion", "rms motion in the windows"),
+    Key("band.output", "scatter", "deviation of the windows' mean squares over their mean"),
     Key("physics", "effect", "what else the device has: a name that 'zwidth effects' lists",
         example='"backlash"'),
     Key("physics", "at", "where: m1 to m5, link12 to link45, ground, command, clock, sensor",

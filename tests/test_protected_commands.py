@@ -5,7 +5,7 @@ A command that is new has no entry in CASES, and fails here until it has one.
 
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from zwidth.identification.output import position
 from zwidth.jobs.executor import Local
 from zwidth.scenarios.logged_run import logged_run
 from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.device_file import load_device, save_device
 
 MINE = "mine\n"
@@ -86,6 +87,7 @@ CASES: dict[str, Case | str] = {
         "sweep",
     ),
     "explore": NOTHING,
+    "mcp": NOTHING,
     "simulate": Case(
         "wall.toml --out o",
         ("o/wall.mcap", "o/wall.png"),
@@ -101,6 +103,12 @@ CASES: dict[str, Case | str] = {
         ),
         ("rec.toml", "rec.csv", "dev.toml"),
         "zwidth.diagnose_files.diagnose",
+    ),
+    "check": Case(
+        "band.toml rec.toml --junit o/x.xml --json o/x.json",
+        ("o/x.xml", "o/x.json"),
+        ("band.toml", "rec.toml", "rec.csv"),
+        "zwidth.checking.check",
     ),
     "watch": Case(
         "rec.toml --device dev.toml --json o/x.json --out o",
@@ -183,6 +191,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     device = load_device("phantom_1_0")
     save_device(device, folder / "dev.toml")
     assert device.modal is not None
+    output = OutputBand("position_m1", 1.0, 1e-9, 1.0, 0.5)
+    band = Band(0.4, 6, 1e-4, (output,), ("command_late",))  # as an exact response has it
+    save_device(replace(device, band=band), folder / "band.toml")
     u = noise(duration=12.0)
     q = position(device.modal, 0.0, u, 0.001)
     np.savetxt(

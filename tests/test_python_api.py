@@ -114,6 +114,7 @@ RESULTS: dict[str, Any] = {
     "ReplayResult": lambda folder: zwidth.replay(folder / "run.mcap"),
     "Scenario": lambda _: scenario(),
     "Diagnosis": lambda _: diagnosis(),
+    "Check": lambda _: zwidth.check(diagnosis().device, recording()),
     "JointAnswers": lambda _: JointAnswers({"0": diagnosis()}, {"1": "it stands still"}),
     "Fleet": lambda folder: fleet(folder),
     "Identified": lambda _: identified(),

@@ -12,6 +12,7 @@ Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals
     diagnose_fleet    many recordings of like devices: what is shared, what changed, which are odd
     diagnose_joints   each joint of a recording with several, as of a robot
+    check             whether answer.device is still true of a later recording, and what changed
     identify          a device from a recording of its command and position
     plan, excitation  what a recording would show before it is made; the command to record
 How stiff a wall?
@@ -36,10 +37,10 @@ Which device?
 Where does long work run?
     executor          on threads, in processes, on a cluster
 
-Every result (Boundary, Run, Trace, Log, Diagnosis, JointAnswers, Fleet, Identified, RelayReadings,
-Plan, FateMap, Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and
-shows as a table in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other
-in N and m.
+Every result (Boundary, Run, Trace, Log, Diagnosis, Check, JointAnswers, Fleet, Identified,
+RelayReadings, Plan, FateMap, Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas()
+and plot(), and shows as a table in a notebook. Quantities are SI; a rotary device counts in N m and
+rad, any other in N and m.
 help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
 """
 
@@ -55,6 +56,7 @@ from zwidth.shown import shown_by as _shown_by
 
 if _TYPE_CHECKING:
     from zwidth.api.boundary import boundary as boundary
+    from zwidth.api.check import check as check
     from zwidth.api.diagnose import diagnose as diagnose
     from zwidth.api.diagnose_fleet import diagnose_fleet as diagnose_fleet
     from zwidth.api.diagnose_joints import diagnose_joints as diagnose_joints
@@ -65,6 +67,7 @@ if _TYPE_CHECKING:
     from zwidth.api.relay import relay as relay
     from zwidth.api.simulate import simulate as simulate
     from zwidth.api.sweep import sweep as sweep
+    from zwidth.checking import Check as Check
     from zwidth.controllers.guarded import guarded as guarded
     from zwidth.controllers.none import none as none
     from zwidth.controllers.recorded import recorded as recorded
@@ -149,6 +152,7 @@ HOMES = {
     "BoundaryPoint": "zwidth.stability.boundary",
     "Bracket": "zwidth.stability.bisection",
     "Chain": "zwidth.sim.chain",
+    "Check": "zwidth.checking",
     "Controller": "zwidth.sim.controller",
     "Corner": "zwidth.stability.types",
     "Device": "zwidth.sim.device",
@@ -197,6 +201,7 @@ HOMES = {
     "Uncertainty": "zwidth.sim.uncertainty",
     "Verdict": "zwidth.diagnosis.answer.result",
     "boundary": "zwidth.api.boundary",
+    "check": "zwidth.api.check",
     "corner": "zwidth.stability.linear",
     "critical_stiffness": "zwidth.stability.linear",
     "diagnose": "zwidth.api.diagnose",

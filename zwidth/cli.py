@@ -27,6 +27,7 @@ COMMANDS = {
     "diagnose": (
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
+    "check": "Say whether a device is still true of its machine: for a build that fails if not.",
     "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
@@ -47,6 +48,7 @@ COMMANDS = {
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
+    "mcp": ("Serve diagnose, check, plan and boundary to agents, by the Model Context Protocol."),
     "paper": (
         "Compute the paper's figures and tables again, ours beside theirs, as one HTML report."
     ),
@@ -55,6 +57,7 @@ COMMANDS = {
 # name -> a line that runs in a clone, in this order: later ones take what earlier ones wrote.
 EXAMPLES = {
     "diagnose": "zwidth diagnose docs/sample/bench.csv",
+    "check": "zwidth check runs/bench.augmented.toml docs/sample/bench.csv",
     "watch": "zwidth watch docs/sample/bench.csv --idle 5",
     "convert": "zwidth convert docs/sample/bench.csv",
     "plan": "zwidth plan phantom_1_0 --noise 1e-5 --excitation chirp --seconds 10",
@@ -71,6 +74,7 @@ EXAMPLES = {
     "effects": "zwidth effects backlash",
     "conceal": "zwidth conceal --strata single_5x=1 --seconds 8",
     "exam": "zwidth exam runs/exam --strata none=1,single_5x=1",
+    "mcp": "zwidth mcp",
     "paper": "zwidth paper --section modes",
 }
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from zwidth.diagnosis.account import stage
 from zwidth.diagnosis.answer.augmented import improved
+from zwidth.diagnosis.answer.band import with_band
 from zwidth.diagnosis.answer.changes import outlived
 from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
 from zwidth.diagnosis.answer.events import Event
@@ -99,10 +100,13 @@ def answered(
         f.white.reshape(-1, len(taken.whole[0].outputs)) for f in (found.refit, found.final)
     )
     better = attempt("augmented device", "", partial(improved, taken, said, refit, findings))
+    better = better or device
+    banded = partial(with_band, better, judge_by, said.judge.ratio, stands.faults)
+    better = attempt("band", "", banded) or replace(better, band=None)
     return Diagnosis(
         facts.verdict, "; ".join([why(facts), *untried]), findings, refit,
         replace(located, sentence=where(located, facts.masses)),
-        one_step, free, bounds, stands.faults, better or device,
+        one_step, free, bounds, stands.faults, better,
         Residuals(taken.whole[0].period, refit_white, white),
         found, taken.whole, stands.halted or halted, _facts(found, stands.left.gained),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=stands.sound,

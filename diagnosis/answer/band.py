@@ -1,0 +1,144 @@
+"""How far free runs of an improved device err: what its file carries for later recordings.
+
+Measured on the held-out data, and just as a check measures it later: from the device file alone,
+with the observer of the ratio that the file keeps. Each window begins in the observer's state and
+then runs free.
+
+The motion of a window is that about its mean. A recording of larger motion may err more by as much;
+one of smaller motion no less, since dry friction does not shrink with it. Of n windows whose mean
+squares scatter by s of their mean, m further ones have a mean square of at most
+
+    error^2 max(1, motion^2 / motion_n^2) (1 + t s sqrt(1 / n + 1 / m)),
+
+t of Student with n - 1 degrees of freedom, exceeded once in a thousand. A few windows may agree by
+chance: s is taken as 0.5 at least, the scatter of a mean square of eight degrees of freedom, which
+the state that a window begins in and slow noise leave about. (Six windows of a simulated bench
+scattered by 0.06 to 0.19 in twelve recordings; with that alone a thirteenth was called changed,
+whose windows had begun less well.) Limits: windows that depend
+on each other scatter less than recordings do; a machine that was warm when it was diagnosed is out
+of its band while it is cold, which is what a check is to say.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.predictor import (
+    SHORTEST_WINDOW,
+    Observer,
+    deviation,
+    free_run_errors,
+    observer_near,
+    window,
+)
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.band import Band, OutputBand
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+WINDOWS = 6  # at least, where the held-out data are long enough
+SCATTER = 0.5  # of mean squares, at least
+RARE = 1e-3  # of a machine that is as it was, to be called another
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Free runs over windows: mean squares (windows, o) of error and motion; noise (o,) is rms."""
+
+    names: tuple[str, ...]
+    error: Floats
+    motion: Floats
+    noise: Floats
+
+    @property
+    def rms(self) -> Floats:
+        """Rms error of each output over all windows, (o,); infinite after an overflow."""
+        return np.sqrt(self.error.mean(axis=0))
+
+
+def windows_of(
+    model: Model, x: Floats, experiments: Sequence[Experiment], ratio: float, seconds: float
+) -> Windows:
+    """Return the free runs of a model at x on recordings of the same outputs.
+
+    ratio: of the observer from whose state each starts. Raises NoObserver where none follows.
+    """
+    built = model.acting(x)
+    seen = [model.seen(e, x) for e in experiments]
+    gain = observer_near(built, seen[0], ratio)
+    noise = deviation(built, seen, gain)
+    observer = Observer(gain, np.maximum(noise, np.finfo(np.float64).tiny), ratio)
+    errors: list[Floats] = []
+    motions: list[Floats] = []
+    for e in seen:
+        ticks = min(max(SHORTEST_WINDOW, round(seconds / e.period)), e.ticks)
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            free = free_run_errors(built, begun(built, e, observer), gain, ticks)
+            error, motion = (
+                np.mean(one.reshape(-1, ticks, one.shape[1]) ** 2, axis=1) for one in free
+            )
+        errors.append(np.nan_to_num(error, nan=np.inf))
+        motions.append(motion)
+    names = tuple(o.name for o in experiments[0].outputs)
+    return Windows(names, np.concatenate(errors), np.concatenate(motions), noise)
+
+
+def band_of(
+    device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault] = ()
+) -> Band | None:
+    """Return how far free runs of a device err on held-out data; None for fewer than two windows.
+
+    ratio: of the observer. faults: of the recordings. Raises NoObserver where none follows.
+    """
+    model = Model(device)
+    shortest = min(judge_by, key=lambda e: e.ticks)
+    ticks = max(SHORTEST_WINDOW, min(window(shortest), sum(e.ticks for e in judge_by) // WINDOWS))
+    seconds = ticks * shortest.period
+    found = windows_of(model, np.zeros(len(model.parameters)), judge_by, ratio, seconds)
+    return of_windows(found, seconds, ratio, [f.kind for f in faults if f.wrong])
+
+
+def of_windows(
+    found: Windows, seconds: float, ratio: float, corrected: Sequence[str] = ()
+) -> Band | None:
+    """Return the band that windows of so many seconds say; None for fewer than two."""
+    count = found.error.shape[0]
+    if count < 2 or not np.all(np.isfinite(found.error)):
+        return None
+    squares = found.error.mean(axis=0)
+    with np.errstate(all="ignore"):
+        scatter = np.nan_to_num(found.error.std(axis=0, ddof=1) / squares)
+    each = zip(
+        found.names, found.rms.tolist(), found.noise.tolist(),
+        np.sqrt(found.motion.mean(axis=0)).tolist(), scatter.tolist(), strict=True,
+    )  # fmt: skip
+    outputs = tuple(OutputBand(*one) for one in each)
+    return Band(seconds, count, ratio, outputs, tuple(dict.fromkeys(corrected)))
+
+
+def most(band: Band, output: OutputBand, found: Windows) -> float:
+    """Return the largest rms error that an output of a device within its band has."""
+    place = found.names.index(output.name)
+    moved = float(found.motion[:, place].mean())
+    grown = max(1.0, moved / output.motion**2) if output.motion > 0.0 else 1.0
+    chance = float(student.ppf(1.0 - RARE, band.windows - 1)) * max(SCATTER, output.scatter)
+    chance *= math.sqrt(1.0 / band.windows + 1.0 / found.error.shape[0])
+    return output.error * math.sqrt(grown * (1.0 + chance))
+
+
+def with_band(
+    device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault]
+) -> Device:
+    """Return the device with its band, or without one where none can be measured."""
+    try:
+        return replace(device, band=band_of(device, judge_by, ratio, faults))
+    except NoObserver:
+        return replace(device, band=None)

@@ -1,0 +1,57 @@
+"""How far the free runs of a device err while it is still true of its machine."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class OutputBand:
+    """Free runs of one output over windows, on data that nothing was fitted to.
+
+    name: of the output, "position_m1"; error, noise, motion [unit of the output]: rms of what free
+    runs err by, of what one step ahead errs by, and of what was measured about the mean of each
+    window. scatter: standard deviation of the mean squares of the windows, over their mean.
+
+    Raises ValueError with a sentence that names the field, the value and what is allowed.
+    """
+
+    name: str
+    error: float
+    noise: float
+    motion: float
+    scatter: float
+
+    def __post_init__(self) -> None:
+        for field in ("error", "noise", "motion", "scatter"):
+            value = getattr(self, field)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(
+                    f"band.output.{field} of {self.name} is {value}; allowed is any number from 0"
+                )
+
+
+@dataclass(frozen=True)
+class Band:
+    """What a diagnosis measured of the device that it wrote, for `zwidth check` to hold it to.
+
+    window [s]: of a free run; windows: how many there were; ratio: of the observer from whose state
+    each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that were
+    corrected in the recordings, which are no news in the next ones.
+
+    Raises ValueError with a sentence that names the field, the value and what is allowed.
+    """
+
+    window: float
+    windows: int
+    ratio: float
+    outputs: tuple[OutputBand, ...]
+    corrected: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field, value in (("window_s", self.window), ("observer_ratio", self.ratio)):
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"band.{field} is {value}; allowed is any number above 0")
+        if not 2 <= self.windows < math.inf or self.windows % 1:
+            raise ValueError(f"band.windows is {self.windows}; allowed is a whole number from 2")
+        if not self.outputs:
+            raise ValueError("band has no [[band.output]]; give one, or leave [band] out")

@@ -1,0 +1,121 @@
+"""The GitHub Action in `action/`: its own steps, run as a runner runs them, without a container."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from test_check import banded, bench, heavier, recorded, write_csv
+
+from zwidth.sim.device_file import save_device
+
+yaml = pytest.importorskip("yaml", reason="PyYAML, which mkdocs brings, is not installed")
+ACTION = Path(__file__).parents[1] / "action" / "action.yml"
+if not ACTION.is_file():
+    pytest.skip("not a clone: the wheel has no action", allow_module_level=True)
+if shutil.which("bash") is None:
+    pytest.skip("there is no bash", allow_module_level=True)
+
+
+def _of(known: Mapping[str, str | None]) -> Callable[[re.Match[str]], str]:
+    return lambda found: str(known[found.group(1)])
+
+
+def step(name: str, given: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a step with these inputs, as a runner does: expressions in `env`, bash -e -o pipefail."""
+    action: Any = yaml.safe_load(ACTION.read_text())
+    inputs = {key: given.get(key, own.get("default", "")) for key, own in action["inputs"].items()}
+    (own,) = (s for s in action["runs"]["steps"] if s["name"] == name)
+    assert "${{" not in own["run"]  # an input in the text of a script would be run as one
+    known = {f"inputs.{k}": v for k, v in inputs.items()} | {
+        "github.action_path": str(ACTION.parent)
+    }
+    env = {
+        key: re.sub(r"\$\{\{ *([\w.]+) *\}\}", _of(known), value)
+        for key, value in own["env"].items()
+    }
+    (folder / "temp").mkdir(exist_ok=True)
+    (folder / "bin").mkdir(exist_ok=True)
+    runner = {
+        "RUNNER_TEMP": str(folder / "temp"),
+        "GITHUB_OUTPUT": str(folder / "output"),
+        "GITHUB_STEP_SUMMARY": str(folder / "summary"),
+        "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+    }
+    return subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", own["run"]], cwd=folder, check=False,
+        env=os.environ | runner | env, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A repository with a device and recordings, and this zwidth as what pip installed."""
+    (tmp_path / "bin").mkdir()
+    for name, line in (("zwidth", "-m zwidth"), ("python", "")):
+        script = tmp_path / "bin" / name
+        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {line} "$@"\n')
+        script.chmod(0o755)
+    save_device(banded(), tmp_path / "bench.toml")
+    (tmp_path / "logs").mkdir()
+    write_csv(tmp_path / "logs" / "monday.csv", recorded(bench(), 70))
+    write_csv(tmp_path / "logs" / "a b.csv", recorded(bench(), 72))
+    return tmp_path
+
+
+def test_a_true_simulation_passes_and_every_recording_that_a_pattern_names_is_checked(rig: Path):
+    """Mutation: `$LOGS` quoted, so that the pattern is a name."""
+    done = step("Check", {"device": "bench.toml", "logs": "logs/*.csv"}, rig)
+    assert done.returncode == 0, done.stderr
+    suite = ElementTree.parse(rig / "zwidth-check.xml").getroot()
+    assert sorted(case.attrib["name"] for case in suite) == ["a b.csv", "monday.csv"]
+    assert (rig / "output").read_text().startswith("sentence='bench' is still true")
+    assert "is still true of all 2 recordings" in (rig / "summary").read_text()
+
+
+def test_a_machine_that_changed_fails_and_says_how(rig: Path):
+    """Mutation: the status of the check lost behind the summary."""
+    write_csv(rig / "logs" / "tuesday.csv", recorded(heavier(bench()), 71))
+    done = step("Check", {"device": "bench.toml", "logs": "logs/*.csv"}, rig)
+    assert done.returncode == 1
+    assert "the inertia m1 +5 %" in (rig / "summary").read_text()
+
+
+def test_bad_input_fails_with_status_2(rig: Path):
+    save_device(replace(banded(), band=None), rig / "bare.toml")
+    done = step("Check", {"device": "bare.toml", "logs": "logs/monday.csv"}, rig)
+    assert done.returncode == 2
+    assert "has no [band]" in done.stderr
+    done = step("Check", {"device": "bench.toml", "logs": "none/*.csv"}, rig)
+    assert done.returncode == 2
+    assert "no recording matches" in done.stderr
+
+
+def test_an_input_is_never_run_as_a_command(rig: Path):
+    given = {"device": "$(touch stolen).toml", "logs": "logs/monday.csv", "joint": "`touch stolen`"}
+    assert step("Check", given, rig).returncode == 2
+    assert not (rig / "stolen").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "asked"),
+    [
+        ({}, [f"{ACTION.parent}/.."]),
+        ({"package": "zwidth==1.0.0"}, ["zwidth==1.0.0"]),
+        ({"model": "robot.xml"}, [f"{ACTION.parent}/..", "mujoco"]),
+    ],
+)
+def test_the_install_step_asks_pip_for_this_version_and_nothing_else(
+    given: dict[str, str], asked: list[str], rig: Path
+):
+    """With a python in the way that writes down what it is asked."""
+    (rig / "bin" / "python").write_text('#!/bin/sh\nprintf "%s\\n" "$@" > asked\n')
+    assert step("Install", given, rig).returncode == 0
+    assert (rig / "asked").read_text().splitlines() == ["-m", "pip", "install", "--quiet", *asked]

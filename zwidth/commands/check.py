@@ -1,0 +1,159 @@
+"""`zwidth check`: whether a device is still true of the machine that recordings are of."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import click
+
+from zwidth.errors import Status
+from zwidth.options import force_option, json_option, out_option, typed_line
+
+if TYPE_CHECKING:
+    from zwidth.checking import Check
+    from zwidth.console import Console
+    from zwidth.sim.device import Device
+
+
+@click.command("check")
+@click.argument("device", metavar="DEVICE")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True,
+                type=click.Path(path_type=Path))  # fmt: skip
+@click.option("--junit", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+              help="Write the result as JUnit XML, a test case for each LOG.")  # fmt: skip
+@click.option("--model", metavar="FILE", type=click.Path(path_type=Path),
+              help="Check this MJCF or URDF model of the robot, run by MuJoCo, instead of DEVICE,"
+              " against the band of DEVICE.")  # fmt: skip
+@click.option("--joint", metavar="INDEX|NAME",
+              help="The joint to check, in a LOG with several and in --model.")  # fmt: skip
+@click.option("--diagnose", "search", is_flag=True,
+              help="Where a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
+              " does; this takes minutes.")  # fmt: skip
+@click.option("--rebase", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+              help="Check nothing: take how far free runs err on LOG now as the band, and write"
+              " DEVICE with it, as for a --model that errs more than DEVICE does.")  # fmt: skip
+@out_option("runs")
+@force_option
+@json_option
+def command(
+    device: str,
+    logs: tuple[Path, ...],
+    junit: Path | None,
+    model: Path | None,
+    joint: str | None,
+    search: bool,
+    rebase: Path | None,
+    out: Path,
+    json_file: str | None,
+) -> int:
+    """Say whether a device is still true of its machine: for a build that fails if not.
+
+    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] says how far free runs erred then.
+    LOG is a recording that 'zwidth diagnose' reads.
+
+    Exit status: 0 where all are within the band, 1 where one is outside, with one sentence of what
+    changed, 2 for bad input. The parameters of DEVICE are refitted for that sentence; nothing is
+    searched without --diagnose. --out is the folder of what --diagnose writes.
+    """
+    from zwidth.checking import check, rebased
+    from zwidth.console import Console, announce
+    from zwidth.diagnosis.recording.experiment import Experiment, stretches
+    from zwidth.door import taken
+    from zwidth.heartbeat import HEART
+    from zwidth.sim.device_file import load_device
+
+    console = Console(json_file)
+    if model is not None and joint is None:
+        raise ValueError(
+            "--model needs --joint NAME, the joint of the model that DEVICE is; add it"
+        )
+    known = load_device(device)
+    simulate, simulator = None, ""
+    if model is not None and joint is not None:
+        from zwidth.model_runs import ModelRuns, named_simulator
+
+        simulate, simulator = ModelRuns(known, model, joint), named_simulator(model)
+    announce(console)
+    HEART.said("reading the recordings")
+    recordings: list[tuple[str, list[Experiment]]] = []
+    for log in logs:
+        trace, said = taken(log, joint=joint if model is None else _of_log(log, joint))
+        for line in said:
+            if line.startswith("assumed"):
+                console.note(f"{log.name}: {line}")
+        recordings.append((log.name, stretches(trace, known, log.stem)))
+    console.will_write(*(file for file in (junit, rebase) if file is not None))
+    HEART.said("checking")
+    if rebase is not None:
+        return _rebased(console, rebased(known, recordings, simulate), rebase)
+    found = check(known, recordings, simulate, simulator)
+    for one in found.recordings:
+        console.say(f"{one.name}: {one.sentence}")
+        for remark in one.remarks:
+            console.note(f"{one.name}: {remark}")
+    console.say(f"\n{found.sentence}")
+    if junit is not None:
+        from zwidth.files.whole import write_text
+
+        console.say(f"wrote {write_text(junit, junit_text(found))}")
+    console.result(found.as_json())
+    if found.within:
+        return Status.DONE
+    if search:
+        from zwidth.diagnose_files import diagnose_files
+
+        outside = tuple(
+            log for log, one in zip(logs, found.recordings, strict=True) if not one.within
+        )
+        line = typed_line(click.get_current_context())
+        diagnose_files(Console(None), outside, device, (), "normal", None, out, line)
+    return Status.FAILED
+
+
+def _rebased(console: "Console", device: "Device", file: Path) -> int:
+    """Write a device with its new band, and say it."""
+    from zwidth.files.whole import write_text
+    from zwidth.sim.device_file import commented_text
+
+    band = device.band
+    assert band is not None
+    console.say(f"wrote {write_text(file, commented_text(device))}")
+    errors = {o.name: o.error for o in band.outputs}
+    console.result({"device": device.name, "file": str(file), "error": errors,
+                    "windows": band.windows})  # fmt: skip
+    return Status.DONE
+
+
+def _of_log(log: Path, joint: str | None) -> str | None:
+    """The joint, where the recording has several and one is called so."""
+    from zwidth.logs.assumed import joints_of
+    from zwidth.logs.open_source import own_log
+    from zwidth.logs.source import RecordingError, Source
+
+    if log.suffix.lower() == ".toml":
+        return None
+    source = own_log(log)
+    if not isinstance(source, Source):
+        return None
+    try:
+        every = joints_of(source)
+    except RecordingError:  # it is of one joint
+        return None
+    return joint if joint in (*every.moving, *every.still) else None
+
+
+def junit_text(found: "Check") -> str:
+    """Return a check as JUnit XML: a suite with a case for each recording."""
+    outside = [one for one in found.recordings if not one.within]
+    suite = ElementTree.Element(
+        "testsuite", name=f"zwidth check {found.device}", tests=str(len(found.recordings)),
+        failures=str(len(outside)), errors="0", skipped="0",
+    )  # fmt: skip
+    for one in found.recordings:
+        case = ElementTree.SubElement(suite, "testcase", classname=found.device, name=one.name)
+        if not one.within:
+            failure = ElementTree.SubElement(case, "failure", message=found.sentence)
+            failure.text = one.sentence
+        ElementTree.SubElement(case, "system-out").text = "\n".join([one.sentence, *one.remarks])
+    ElementTree.indent(suite)
+    return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

@@ -1,0 +1,19 @@
+"""`zwidth mcp`: the questions of the command line as tools for agents."""
+
+import click
+
+
+@click.command("mcp")
+def command() -> int:
+    """Serve diagnose, check, plan and boundary to agents, by the Model Context Protocol.
+
+    A client starts this command and talks to it on standard input and output. It needs the SDK of
+    the protocol: pip install 'zwidth[mcp]'.
+    """
+    try:
+        from zwidth.agent_tools import serve
+    except ImportError as error:
+        raise click.ClickException(
+            f"the SDK of the protocol is missing ({error}); run: pip install 'zwidth[mcp]'"
+        ) from None
+    return serve()
