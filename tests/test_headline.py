@@ -135,7 +135,7 @@ def test_no_infinity_in_what_is_said():
 def test_a_reason_decides_and_the_first_counts():
     """Breaks where two of the list change places, or one is not asked."""
     fails = replace(FRICTION, regimes=(Held("forwards", "backwards", -9.0, True),))
-    law = cast("Any", SimpleNamespace(curve=SimpleNamespace(replaced=())))
+    law = cast("Any", SimpleNamespace(curve=SimpleNamespace(replaced=()), turns=False))
     other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
     stray, level = HeldOut(3.0, 0.7, 0.4, 0.02), NextLevel(1.0, "N", 0.5, 0.1, 0.001)
     rival = replace(FRICTION, rivals=(BAND,), with_richer=0.5)
@@ -147,6 +147,7 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.LEFT: answer(FRICTION, left=FORCE, sound=WEAK),
         Reason.INADEQUATE: answer(FRICTION, sound=WEAK, bad="far"),
         Reason.BAD: answer(fails, bad="far"),
+        Reason.MORE: answer(fails, law=law, free=stray),
         Reason.ONE_REGIME: answer(fails, free=stray),
         Reason.DISTURBED: answer(FRICTION, free=stray, sound=None),
         Reason.UNJUDGED: answer(FRICTION, sound=None, level=level),

@@ -137,7 +137,8 @@ def _law(
         asked = Asked(device, by, stands.taken.judge_by, say)
         if named:
             told = attempt("learn", "a law of no name", partial(beside_names, asked, free))
-            return (*(told or (None, False)), False)
+            law, instead = told or (None, False)
+            return law, instead, False
         law = one = attempt("learn", "a law of no name", partial(learned, asked, free))
         two = partial(learned_over_two, asked, free, one)
         law = attempt("learn", "a law over two states", two) or one

@@ -44,6 +44,7 @@ from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_ov
 from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.learning.where import (
     Site,
+    anywhere,
     begun,
     beside,
     law_over,
@@ -66,6 +67,7 @@ from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.settings import LAWS, PURSUIT
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
+from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
@@ -189,11 +191,17 @@ class Table:
 def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
     """Return the laws of many points that are worth fitting beside what a hypothesis has.
 
+    Over the states that its names follow, where each acts: what a name leaves of its own shape.
     After a few rounds downhill such a table runs freer where a law is, and not where the names are
     all there is: a small part of what it takes to learn one tells.
     """
     say("checking whether a learned curve would improve free runs")
-    tables = chain(_over_states(base), _over_turns(base))
+    names = base.model.effects_at(base.x)
+
+    def theirs(effect: str, at: str) -> bool:
+        return any(follows(p, effect, place_at(at)) for p in names)
+
+    tables = chain(_over_states(base, theirs), _over_turns(base))
     return [t for t in tables if (h := t.after_some_rounds()) is not None and hopeful(h)]
 
 
@@ -323,10 +331,10 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     return True
 
 
-def _over_states(base: Hypothesis) -> Iterator[Table]:
+def _over_states(base: Hypothesis, asked: Callable[[str, str], bool] = anywhere) -> Iterator[Table]:
     """Yield laws of many points beside what a hypothesis has, where they would gain most."""
-    found = None if base.slopes is None else attempt("learn", "where", partial(sites, base, ASKED))
-    for site, h in found or ():
+    where = partial(sites, base, ASKED, asked)
+    for site, h in (None if base.slopes is None else attempt("learn", "where", where)) or ():
         yield Table(base, site, begun=h)
 
 

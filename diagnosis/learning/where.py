@@ -14,7 +14,7 @@ repeats (`repeating`).
 Limits: a law that turns the motion over is not reached in so few rounds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -42,6 +42,11 @@ ROUNDS = 4
 CLOSES = 1e-3  # of a turn: beyond its last point at least
 
 
+def anywhere(effect: str, at: str) -> bool:
+    """Every law, at every place."""
+    return bool(effect and at)
+
+
 @dataclass(frozen=True)
 class Site:
     """Where a law may stand: effect and place, the states seen there (samples,), its period.
@@ -60,10 +65,17 @@ class Site:
     floats: bool = False
 
 
-def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
-    """Return where a law would gain most, so many, and each begun there, the likeliest first."""
+def sites(
+    base: Hypothesis, most: int, asked: Callable[[str, str], bool] = anywhere
+) -> list[tuple[Site, Hypothesis]]:
+    """Return where a law would gain most, so many, and each begun there, the likeliest first.
+
+    asked: whether a law (effect, place) is.
+    """
     found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
+        if not asked(site.effect, site.at):
+            continue
         law = law_over(site, LAWS.points, False)
         h = None if law is None else begun(base, *beside(base.model, base.x, site, law))
         if h is not None and h.cost.misfit < base.cost.misfit:
