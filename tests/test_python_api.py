@@ -270,7 +270,8 @@ def test_diagnose_takes_paths_and_finds_the_friction(folder: Path):
     found = zwidth.diagnose(folder / "bench.mcap", folder / "cart.toml", effort="quick")
     (friction,) = found.findings
     assert (friction.effect, friction.at) == ("coulomb_friction", "m1")
-    assert friction.parameters["level"].value == pytest.approx(0.3, rel=0.005)
+    # A regression on the true states and forces of this bench scatters by 0.00076 N (150 seeds).
+    assert friction.parameters["level"].value == pytest.approx(0.3, abs=3.0 * 0.00076)
     assert found.as_json()["findings"] == diagnosis().as_json()["findings"]
     with pytest.raises(ValueError, match="effort is 'quik'"):
         zwidth.diagnose(recording(), cart(), effort="quik")  # pyright: ignore[reportArgumentType]
