@@ -31,7 +31,7 @@ def told_and_scattered(slopes: Floats, residuals: Floats) -> tuple[float, float]
 def test_a_parameter_that_shows_where_noise_is_large_is_known_less_well() -> None:
     """A tenth of the samples tells of it, and errs three times as much as all do on the mean.
 
-    Mutation that breaks it: variances from the spectrum alone, 0.32 of the scatter.
+    Mutation that breaks it: variances from the spectrum alone, a third of the scatter.
     """
     draw = np.random.default_rng(1)
     tells = np.arange(SAMPLES) % 50 < 5
@@ -44,7 +44,7 @@ def test_a_parameter_that_shows_where_noise_is_large_is_known_less_well() -> Non
 def test_what_errs_together_at_a_turn_counts_once() -> None:
     """Five samples in a row that err alike tell as much as one of them.
 
-    Mutation that breaks it: no products of neighbours, 0.6 of the scatter.
+    Mutation that breaks it: no products of neighbours, half of the scatter.
     """
     draw = np.random.default_rng(2)
     tells = np.arange(SAMPLES) % 50 < 5
