@@ -2,7 +2,7 @@
 """A tick of the kernel for one command that comes from outside: what is translated into C."""
 
 from zwidth.sim.jit import part
-from zwidth.sim.kernel import amplify, arrives, fed_back, read_position, substep
+from zwidth.sim.kernel import amplify, arrives, fed_back, placed, read_position, substep
 from zwidth.sim.lane_type import select
 
 
@@ -25,4 +25,5 @@ def moved(eq, tick, segment, held, external, memory, scratch):
     step = 0
     for _ in range(eq.substeps[segment]):
         substep(eq, tick, segment, step, held, 1.0, external, memory, scratch)
+        placed(eq, memory.x, scratch.own)
         step += 1  # noqa: SIM113, a loop in C has no name for it
