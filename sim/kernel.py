@@ -17,7 +17,7 @@ A substep is exact for the linear part (propagator P, see `sim/equations.py`). S
 held over the substep at the mean of their values at its start and at its predicted end, which is
 second order. Dry friction is held too, at the force that stops the mass or at its bound, whichever
 is less (a bound that varies with speed is taken as the mean of both ends), and where the mass turns
-inside the substep at the mean of before and after, which is second order as well; a mass at rest
+inside the substep at the mean of before and after, which is third order (`turn`); a mass at rest
 whose load stays within the sticking bounds is locked, with a propagator of its own, and does not
 move at all. All forces being held, the work of each is force times
 displacement, and the ledger closes to rounding.
