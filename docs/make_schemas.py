@@ -16,6 +16,7 @@ from zwidth.sim.device_file import (
     INTERFACE_TEXTS,
     MODAL_KEYS,
     MODE_KEYS,
+    POSTERIOR_KEYS,
     TOP_KEYS,
     UNCERTAINTY_FIELDS,
 )
@@ -65,6 +66,9 @@ def device() -> Schema:
     outputs = keys("band.output", BAND_OUTPUT_KEYS) | keys("band.output", ["name"], TEXT)
     band = keys("band", ("window_s", "windows", "observer_ratio"))
     band |= keys("band", ["corrected"], TEXTS) | {"output": several(closed(outputs))}
+    posterior = keys("posterior", POSTERIOR_KEYS[:1], TEXTS)
+    posterior |= keys("posterior", POSTERIOR_KEYS[1:2], NUMBERS)
+    posterior |= keys("posterior", POSTERIOR_KEYS[2:], several(NUMBERS))
     drives: list[Schema] = []
     for kind in KINDS:
         own = keys("drive", (*NEEDED[kind], *POSSIBLE[kind]))
@@ -75,7 +79,8 @@ def device() -> Schema:
         "chain": closed(chain, ("ground_spring", "link_springs", "link_dampers")), "modal": modal,
         "interface": closed(interface, tuple(interface)),
         "uncertainty": closed(uncertainty, tuple(uncertainty)), "drive": {"oneOf": drives},
-        "band": closed(band, ("corrected",)), "physics": several({"oneOf": _effects()}),
+        "band": closed(band, ("corrected",)), "posterior": closed(posterior),
+        "physics": several({"oneOf": _effects()}),
     }  # fmt: skip
     assert set(top) == set(TOP_KEYS)
     found = closed(top, tuple(key for key in top if key not in ("name", "rotary")))

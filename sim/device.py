@@ -24,6 +24,7 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Numbers, Physics
 from zwidth.sim.place import Place
 from zwidth.sim.plant import Plant, assemble, follow
+from zwidth.sim.posterior import Posterior
 from zwidth.sim.reading import Reading, reading
 from zwidth.sim.uncertainty import Uncertainty
 
@@ -42,7 +43,8 @@ class Device(Shown):
     rotary: N m and rad; else N and m. modal is kept where the device was given in modal form (then
     chain is the same model as a chain). physics: effects that have no field in the interface or the
     chain. uncertainty: how well these values are known; fits use it, simulations ignore it. band:
-    how far its free runs erred when it was diagnosed; None where it was not.
+    how far its free runs erred when it was diagnosed; posterior: how well its numbers were known
+    together then. Both None where it was not.
 
     Raises DeviceError or ValueError with a sentence that names the field and what is allowed: for a
     place that the chain does not have, an effect twice at one place, an effect that has a field in
@@ -59,6 +61,7 @@ class Device(Shown):
     modal: ModalModel | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     band: Band | None = None
+    posterior: Posterior | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "chain", make_chain(*self.chain))
@@ -107,7 +110,8 @@ class Device(Shown):
 
     def _values(self) -> tuple[object, ...]:
         said = self.name, self.source, self.rotary
-        return *said, self.interface, self.physics, self.modal, self.uncertainty, self.band
+        known = self.uncertainty, self.band, self.posterior
+        return *said, self.interface, self.physics, self.modal, *known
 
     def plant(self) -> Plant:
         """Return the linear equations, delay and steps left out.

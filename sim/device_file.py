@@ -1,12 +1,13 @@
 """A device as TOML text: read, checked, written back to the bit.
 
     schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [drive];
-    [uncertainty]; [band] with [[band.output]]; [[physics]]
+    [uncertainty]; [band] with [[band.output]]; [posterior]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
 m_kg, b_ns_per_m on a linear one. [drive] is what a data sheet says of motor and amplifier
 (`sim.drive`); a device keeps what follows from it, and is written so. [uncertainty] says how well
-the rest is known, as shares of it. [band] is what a diagnosis measured of the device.
+the rest is known, as shares of it. [band] is what a diagnosis measured of the device,
+[posterior] how well it knows its numbers together.
 """
 
 import hashlib
@@ -37,6 +38,7 @@ from zwidth.sim.physics.free_force import grid_of, grid_values, is_grid, state_u
 from zwidth.sim.physics.free_law import is_table, points_of, table_values
 from zwidth.sim.physics.free_product import free_product
 from zwidth.sim.physics.two_tables import TABLES, is_two_tables, two_tables_of, two_tables_values
+from zwidth.sim.posterior import Posterior
 from zwidth.sim.table import Table, TableError
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
@@ -46,7 +48,7 @@ SHIPPED = Path(__file__).parent / "devices"
 
 TOP_KEYS = (
     "schema", "name", "source", "rotary", "modal", "chain", "interface", "drive", "uncertainty",
-    "band", "physics",
+    "band", "posterior", "physics",
 )  # fmt: skip
 CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_dampers")
 MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
@@ -54,6 +56,7 @@ MODE_KEYS = ("omega_rad_s", "c_rad_s", "v_rad_s", "d_rad_s")
 BAND_KEYS = {
     "window_s": "window", "windows": "windows", "observer_ratio": "ratio", "corrected": "corrected"
 }  # fmt: skip
+POSTERIOR_KEYS = ("names", "sd", "correlation")
 BAND_OUTPUT_KEYS = ("name", "error", "noise", "motion", "scatter")
 INTERFACE_KEYS = {
     "period_s": "period",
@@ -222,6 +225,11 @@ def device_to_text(device: Device) -> str:
         for output in band.outputs:
             own = (getattr(output, key) for key in BAND_OUTPUT_KEYS)
             sections.append(_section("[[band.output]]", BAND_OUTPUT_KEYS, own))
+    if device.posterior is not None:
+        told = device.posterior
+        rows = [list(row) for row in told.correlation]
+        values = list(told.names), list(told.sd), rows
+        sections.append(_section("[posterior]", POSTERIOR_KEYS, values))
     for physics in device.physics:
         entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
         entry |= _numbers(physics)
@@ -359,6 +367,7 @@ def _device(top: Table) -> Device:
         modal,
         _uncertainty(top.table("uncertainty")),
         _band(top.table("band")) if "band" in top else None,
+        _posterior(top.table("posterior")) if "posterior" in top else None,
     ).with_physics(*(physics for physics in entries if home(physics) is not None))
     return _drive(top.table("drive")).on(device) if "drive" in top else device
 
@@ -437,6 +446,13 @@ def _band(table: Table) -> Band:
         table.number("observer_ratio"), outputs,
         tuple(table.texts("corrected")) if "corrected" in table else (),
     )  # fmt: skip
+
+
+def _posterior(table: Table) -> Posterior:
+    table.only(POSTERIOR_KEYS)
+    names = tuple(table.texts("names"))
+    rows = table.rows("correlation", len(names))
+    return Posterior(names, tuple(table.numbers("sd")), tuple(map(tuple, rows)))
 
 
 def read_physics(table: Table) -> Physics:

@@ -132,6 +132,10 @@ DEVICE_KEYS: tuple[Key, ...] = (
     Key("band.output", "noise", "rms error one step ahead"),
     Key("band.output", "motion", "rms motion in the windows"),
     Key("band.output", "scatter", "deviation of the windows' mean squares over their mean"),
+    Key("posterior", "names", "numbers that a diagnosis fitted, of which it knows what follows"),
+    Key("posterior", "sd", "standard deviation of each, in its SI unit"),
+    Key("posterior", "correlation", "of each with each: of logarithms of masses, springs, gain and"
+        " limit"),
     Key("physics", "effect", "what else the device has: a name that 'zwidth effects' lists",
         example='"backlash"'),
     Key("physics", "at", "where: m1 to m5, link12 to link45, ground, command, clock, sensor",

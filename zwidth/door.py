@@ -143,7 +143,7 @@ def device_of(
 
 def kept(refitted: Device, path: Path) -> Device:
     """Write a device that was refitted in the place of the one it began as, and return it."""
-    device = replace(refitted, uncertainty=FITTED, band=None)
+    device = replace(refitted, uncertainty=FITTED, band=None, posterior=None)
     write_text(path, commented_text(device))
     return device
 

@@ -16,6 +16,7 @@ from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
 from zwidth.diagnosis.answer.learned import Asked, beside_names, learned, learned_over_two
 from zwidth.diagnosis.answer.levels import next_level
+from zwidth.diagnosis.answer.posterior import with_posterior
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Diagnosis, Residuals, Verdict
 from zwidth.diagnosis.answer.stands import Stands, ends_badly, what_stands
 from zwidth.diagnosis.answer.verdict import NAMES_STAND, Facts, Reason, reason
@@ -103,6 +104,8 @@ def answered(
     better = better or device
     banded = partial(with_band, better, judge_by, said.judge.ratio, stands.faults)
     better = attempt("band", "", banded) or replace(better, band=None)
+    known = attempt("posterior", "", partial(with_posterior, better, said.final))
+    better = known or replace(better, posterior=None)
     return Diagnosis(
         facts.verdict, "; ".join([why(facts), *untried]), findings, refit,
         replace(located, sentence=where(located, facts.masses)),

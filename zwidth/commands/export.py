@@ -7,11 +7,13 @@ import click
 from zwidth.console import Console
 from zwidth.export.c_source import c_source, identifier
 from zwidth.export.cost import cost_of
+from zwidth.export.draws import FORMATS as WITH_FIELDS
+from zwidth.export.draws import as_json, draws_of, independent_sentence
 from zwidth.export.fmu import fmu
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported
 from zwidth.export.robots import sdf, urdf
-from zwidth.files.whole import write_bytes
+from zwidth.files.whole import json_text, write_bytes, write_text
 from zwidth.options import Quantity, device_argument, force_option, json_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
@@ -29,7 +31,9 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
 @click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
               help="Length of the run by which the error is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
-              help="Seed of random events (lost samples).")  # fmt: skip
+              help="Seed of random events (lost samples), and of draws.")  # fmt: skip
+@click.option("--randomise", type=click.IntRange(1, 100_000), metavar="N",
+              help="Also write OUT.draws.json: N joint draws of mjcf, urdf or sdf.")  # fmt: skip
 @force_option
 @json_option
 def command(
@@ -39,6 +43,7 @@ def command(
     name: str | None,
     seconds: float,
     seed: int,
+    randomise: int | None,
     json_file: str | None,
 ) -> None:
     """Write a device for another simulator, and list what its format cannot hold.
@@ -57,7 +62,14 @@ def command(
     """  # noqa: D301 (\b is click's mark of lines to be kept)
     console = Console(json_file)
     given = load_device(device)
-    console.will_write(out)
+    if randomise is not None and to not in WITH_FIELDS:
+        raise click.BadParameter(
+            f"{to} has masses and springs worked into its constants, so nothing of it can be drawn;"
+            f" --randomise goes with --to {', '.join(WITH_FIELDS)}",
+            param_hint="--randomise",
+        )
+    drawn = out.with_suffix(".draws.json")
+    console.will_write(out, *([] if randomise is None else [drawn]))
     for remark in remarks_on(given):
         console.warn(remark)
     called = identifier(name or out.stem)
@@ -70,9 +82,15 @@ def command(
         console.say(f"{to} holds all of {given.name}")
     console.say(cost.said)
     console.say(f"wrote {written}")
+    if randomise is not None:
+        if given.posterior is None:
+            console.warn(independent_sentence(given))
+        draws = draws_of(given, randomise, seed)
+        told = as_json(given, draws, lambda one: exported(one, to, called, seed), to, seed)
+        console.say(f"wrote {write_text(drawn, json_text(told))}")
     console.result({
         "device": given.name, "to": to, "file": str(out), "name": called, "lost": list(made.lost),
-        "error_over_motion": cost.share, "cost": cost.said,
+        "error_over_motion": cost.share, "cost": cost.said, "draws": None if randomise is None else str(drawn),
     })  # fmt: skip
 
 

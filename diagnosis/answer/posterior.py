@@ -1,0 +1,67 @@
+"""What the fit of an answer knows of its device's numbers together, for the device's file.
+
+The rest that a fit has free (origins, the skew and jitter of the clock, what changed between
+recordings) is integrated out. The covariance is that of all parameters together: where the scale of
+the command is free, masses and forces scatter with it. What moves nothing has no place in it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.fitting.uncertainty import covariance
+from zwidth.diagnosis.model.parameters import Parameter, chain_values
+from zwidth.sim.device import Device, home, place_label
+from zwidth.sim.named import numbers_of_device
+from zwidth.sim.posterior import Posterior
+
+DIGITS = 6
+
+
+def with_posterior(device: Device, final: Fitted) -> Device:
+    """Return the device of a fit with the joint posterior of its numbers, or without any."""
+    known = numbers_of_device(device)
+    spread = covariance(final)
+    ways: dict[str, np.ndarray] = {}
+    for i, p in enumerate(final.model.parameters):
+        if not np.isfinite(spread[i, i]) or (name := _name(final, p)) not in known:
+            continue
+        way = ways.setdefault(name, np.zeros(final.x.size))
+        way[i] += p.slope(_nominal(final, p), float(final.x[i]))
+    names = list(ways)
+    slopes = np.array([ways[name] for name in names]).reshape(len(names), final.x.size)
+    used = np.any(slopes != 0.0, axis=0)
+    cov = slopes[:, used] @ spread[np.ix_(used, used)] @ slopes[:, used].T
+    sd = np.sqrt(np.diag(cov))
+    kept = np.flatnonzero(np.isfinite(sd) & (sd > 0.0))
+    if not kept.size:
+        return replace(device, posterior=None)
+    told = np.round(cov[np.ix_(kept, kept)] / np.outer(sd[kept], sd[kept]), DIGITS)
+    told = 0.5 * (told + told.T)
+    np.fill_diagonal(told, 1.0)
+    posterior = Posterior(
+        tuple(names[k] for k in kept), tuple(sd[kept].tolist()), tuple(map(tuple, told.tolist()))
+    )
+    return replace(device, posterior=posterior)
+
+
+def _name(final: Fitted, p: Parameter) -> str:
+    """The name of a parameter in the device, "" for what is of the recording."""
+    if p.kind == "gain":
+        return "interface.command_gain"
+    if p.kind != "effect":
+        return p.name if p.kind in ("mass", "damper", "spring", "link", "k0") else ""
+    physics = final.model.effects[p.index]
+    if physics.effect.in_interface is not None:
+        return f"interface.{physics.effect.in_interface}"
+    return "k0" if home(physics) is not None else f"{place_label(physics)}.{p.key}"
+
+
+def _nominal(final: Fitted, p: Parameter) -> float:
+    model = final.model
+    if p.kind == "effect":
+        return model.effects[p.index].values[p.key]
+    if p.kind == "gain":
+        return model.nominal.interface.command_gain
+    return chain_values(model.nominal.chain)[p.name]

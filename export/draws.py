@@ -1,0 +1,159 @@
+"""Joint draws from what is known of a device, for training under domain randomisation.
+
+Each draw is a whole device, written in the format; the fields that differ between draws are told
+with the values that they have. Masses, springs, gain and limit scatter in their logarithms, as
+their fit has them, all else by a normal distribution of which only what physics allows is kept.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.export.model import Exported
+from zwidth.sim.device import Device
+from zwidth.sim.named import numbers_of_device, with_numbers
+from zwidth.sim.nearest import nearest
+from zwidth.sim.posterior import Posterior
+
+Floats = NDArray[np.float64]
+SCHEMA = 1
+FORMATS = ("mjcf", "urdf", "sdf")
+TRIES = 1000  # a draw, until physics allows one
+SOLVER = ("timestep", "solreffriction")  # of the simulator, not of the device
+
+
+class Draws(NamedTuple):
+    """Devices (count), their numbers (count, p) by name, and whether they scatter together."""
+
+    devices: Sequence[Device]
+    names: Sequence[str]
+    units: Sequence[str]
+    values: Floats
+    joint: bool
+
+
+def draws_of(device: Device, count: int, seed: int) -> Draws:
+    """Return devices that are drawn from the posterior of one, else from its [uncertainty].
+
+    Raises ValueError where the posterior names what the device does not have, where nothing of it
+    is uncertain, or where hardly any draw can be.
+    """
+    told = device.posterior or _shares(device)
+    bare = replace(device, posterior=None, band=None)
+    known = numbers_of_device(bare)
+    for name in told.names:
+        if name not in known:
+            raise ValueError(f"posterior.names has {name!r}; {nearest(name, list(known))}")
+    own = [known[name] for name in told.names]
+    value, sd = np.array([n.value for n in own]), np.array(told.sd)
+    factor = np.array([n.factor for n in own])
+    if np.any(factor & (value <= 0.0)):
+        name = told.names[int(np.flatnonzero(factor & (value <= 0.0))[0])]
+        raise ValueError(f"{name} is {known[name].value:g}; a posterior of it needs it above 0")
+    size, turn = np.linalg.eigh(np.array(told.correlation))
+    root = turn * np.sqrt(np.maximum(size, 0.0))
+    random = np.random.default_rng(seed)
+    lower, upper = np.array([n.lower for n in own]), np.array([n.upper for n in own])
+    devices: list[Device] = []
+    drawn: list[Floats] = []
+    for _ in range(TRIES * count):
+        z = root @ random.standard_normal(size.size)
+        share = np.where(factor, sd / np.where(factor, value, 1.0), 0.0)
+        x = np.where(factor, value * np.exp(share * z), value + sd * z)
+        if np.any(x < lower) or np.any(x > upper):
+            continue
+        try:
+            devices.append(with_numbers(bare, dict(zip(told.names, x.tolist(), strict=True))))
+        except ValueError:  # two numbers that cannot be together
+            continue
+        drawn.append(x)
+        if len(devices) == count:
+            units = [n.unit for n in own]
+            return Draws(devices, told.names, units, np.array(drawn), device.posterior is not None)
+    raise ValueError(
+        f"of {TRIES * count} draws {len(devices)} can be, and {count} were asked; the posterior is"
+        " too wide for its values: diagnose more recordings, or take wide numbers out of it"
+    )
+
+
+def _shares(device: Device) -> Posterior:
+    """Return what the shares of [uncertainty] say, each number by itself."""
+    known = device.uncertainty
+    shares = {"m": known.masses, "k": known.springs, "b": known.dampers}
+    numbers = numbers_of_device(device)
+    sd = {
+        name: (known.command_scale if name == "interface.command_gain" else shares[name[0]])
+        * abs(number.value)
+        for name, number in numbers.items()
+        if name == "interface.command_gain" or not ("@" in name or "." in name)
+    }  # fmt: skip
+    sd = {name: value for name, value in sd.items() if value > 0.0}
+    rows = tuple(tuple(float(i == j) for j in range(len(sd))) for i in range(len(sd)))
+    return Posterior(tuple(sd), tuple(sd.values()), rows)
+
+
+def independent_sentence(device: Device) -> str:
+    """Say that draws are independent, and from where they come."""
+    known = device.uncertainty
+    return (
+        f"{device.name} has no [posterior], which a diagnosis writes into NAME.augmented.toml, so"
+        f" draws are independent, by the shares of [uncertainty] (masses {known.masses:.0%}, springs"
+        f" {known.springs:.0%}, dampers {known.dampers:.0%}, gain {known.command_scale:.0%}), and"
+        " effects stay as they are"
+    )
+
+
+def as_json(
+    device: Device, draws: Draws, export: Callable[[Device], Exported], to: str, seed: int
+) -> dict[str, Any]:
+    """Return the file: numbers of the device, and fields of the format, with all their draws.
+
+    export: writes a device in the format.
+    """
+    here = fields_of(export(replace(device, posterior=None, band=None)).body)
+    every = [fields_of(export(one).body) for one in draws.devices]
+    fields = {key: [one.get(key) for one in every] for key in here}
+    known = numbers_of_device(device)
+    return {
+        "schema": SCHEMA, "device": device.name, "to": to, "seed": seed,
+        "draws": len(draws.devices), "joint": draws.joint,
+        "parameters": {
+            name: {"unit": unit, "value": known[name].value, "draws": column.tolist()}
+            for name, unit, column in zip(draws.names, draws.units, draws.values.T, strict=True)
+        },
+        "fields": {
+            key: {"value": here[key], "draws": told}
+            for key, told in fields.items()
+            if any(value != here[key] for value in told) and not _of_solver(key)
+        },
+    }  # fmt: skip
+
+
+def _of_solver(key: str) -> bool:
+    return key.rpartition("/")[2] in SOLVER
+
+
+def fields_of(body: str) -> dict[str, float | list[float]]:
+    """Return the numbers of an XML model by the names of their elements: "joint/m1/damping"."""
+    found: dict[str, float | list[float]] = {}
+
+    def walk(element: Element, above: str) -> None:
+        name = element.get("name")
+        path = f"{element.tag}/{name}" if name else f"{above}/{element.tag}".lstrip("/")
+        for key, text in [*element.attrib.items(), ("", element.text or "")]:
+            try:
+                numbers = [float(word) for word in text.split()]
+            except ValueError:
+                continue
+            if numbers:
+                found[f"{path}/{key}".rstrip("/")] = numbers[0] if len(numbers) == 1 else numbers
+        for child in element:
+            walk(child, path)
+
+    walk(ElementTree.fromstring(body), "")
+    return found
