@@ -102,9 +102,9 @@ def independent_sentence(device: Device) -> str:
     known = device.uncertainty
     return (
         f"{device.name} has no [posterior], which a diagnosis writes into NAME.augmented.toml, so"
-        f" draws are independent, by the shares of [uncertainty] (masses {known.masses:.0%}, springs"
-        f" {known.springs:.0%}, dampers {known.dampers:.0%}, gain {known.command_scale:.0%}), and"
-        " effects stay as they are"
+        f" draws are independent, by the shares of [uncertainty] (masses {known.masses:.0%},"
+        f" springs {known.springs:.0%}, dampers {known.dampers:.0%}, gain"
+        f" {known.command_scale:.0%}), and effects stay as they are"
     )
 
 

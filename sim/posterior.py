@@ -27,8 +27,10 @@ class Posterior:
         p = len(self.names)
         if not p or len(set(self.names)) < p:
             raise ValueError("posterior.names is empty or has a name twice; give each number once")
-        if len(self.sd) != p or {len(row) for row in self.correlation} != {p} or (
-            len(self.correlation) != p
+        if (
+            len(self.sd) != p
+            or {len(row) for row in self.correlation} != {p}
+            or (len(self.correlation) != p)
         ):
             raise ValueError(
                 f"posterior has {p} names, {len(self.sd)} sd and {len(self.correlation)} rows of"

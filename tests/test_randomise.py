@@ -1,14 +1,23 @@
 """Draws from a device's posterior: joint, possible, and told by the fields of the format."""
 
+import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from zwidth.cli import run
+from zwidth.diagnosis.answer.posterior import with_posterior
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.export.cost import Cost
 from zwidth.export.draws import as_json, draws_of, independent_sentence
 from zwidth.export.mjcf import mjcf
+from zwidth.export.model import Exported
 from zwidth.export.robots import urdf
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, DeviceError
@@ -16,6 +25,7 @@ from zwidth.sim.device_file import commented_text, device_from_text
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.posterior import Posterior
+from zwidth.sim.uncertainty import Uncertainty
 
 NAMES = ("m1", "b1", "interface.command_gain", "stribeck_friction@m1.level")
 TOLD = Posterior(
@@ -54,7 +64,7 @@ def test_what_physics_forbids_is_not_drawn_and_a_seed_draws_the_same_again():
 
 
 @pytest.mark.parametrize("export", [mjcf, urdf])
-def test_fields_are_those_of_the_file(export):  # noqa: ANN001
+def test_fields_are_those_of_the_file(export: Callable[[Device, str], Exported]):
     """Mutation: the file of the device itself for every draw: no field is left."""
     drawn = draws_of(bench(), 20, 3)
     told = as_json(bench(), drawn, lambda d: export(d, "bench"), export.__name__, 3)
@@ -82,7 +92,7 @@ def test_without_a_posterior_draws_are_independent_and_said_to_be():
     assert not drawn.joint
     assert drawn.names == ("m1", "b1")
     assert np.std(np.log(drawn.values[:, 0])) == pytest.approx(0.3, rel=0.05)
-    assert abs(np.corrcoef(drawn.values.T)[0, 1]) < 0.05
+    np.testing.assert_allclose(np.corrcoef(drawn.values.T), np.eye(2), atol=0.05)
     assert "draws are independent" in independent_sentence(bench(None))
 
 
@@ -106,14 +116,75 @@ def test_the_posterior_reads_back_from_its_file():
          "posterior.correlation is no correlation"),
     ],
 )  # fmt: skip
-def test_a_posterior_that_cannot_be_is_refused_in_a_sentence(change, said: str):  # noqa: ANN001
+def test_a_posterior_that_cannot_be_is_refused_in_a_sentence(
+    change: Callable[[Posterior], Posterior], said: str
+):
     with pytest.raises(ValueError, match=said):
         change(TOLD)
 
 
 def test_a_name_that_the_device_lacks_is_refused_with_the_nearest():
-    with pytest.raises(ValueError, match="posterior.names has 'm2'"):
+    with pytest.raises(ValueError, match=r"posterior\.names has 'm2'"):
         draws_of(bench(replace(TOLD, names=("m2", *NAMES[1:]))), 1, 0)
     slip = commented_text(bench()).replace("correlation =", "corelation =")
-    with pytest.raises(DeviceError, match="posterior.corelation"):
+    with pytest.raises(DeviceError, match=r"posterior\.corelation"):
         device_from_text(slip)
+
+
+def test_a_fit_writes_what_it_knows_of_all_its_numbers_together():
+    """Fit of two columns that are nearly alike: their numbers go against each other.
+
+    Mutation: `spread` by its diagonal alone: the correlation is 0.
+    """
+    nominal = replace(bench(None), uncertainty=Uncertainty(command_scale=0.2)).without_physics()
+    rub = make_physics("coulomb_friction", "m1", level=0.02)
+    model = Model(nominal).with_effect(rub, {"level": 0.01})
+    names = [p.name for p in model.parameters]
+    random = np.random.default_rng(0)
+    samples = 4096
+    slopes = random.standard_normal((samples, len(names)))
+    mass, level = names.index("m1"), names.index("coulomb_friction@m1.level")
+    slopes[:, level] = 0.9 * slopes[:, mass] + math.sqrt(1.0 - 0.81) * slopes[:, level]
+    priors = np.diag([float(p.prior) for p in model.parameters])
+    residual = np.concatenate([random.standard_normal(samples), np.zeros(len(names))])
+    x = np.zeros(len(names))
+    fitted = Fitted(model, x, 0.0, residual, np.vstack([slopes, priors]), samples)
+    told = with_posterior(model.build(x), fitted).posterior
+    assert told is not None
+    assert set(told.names) == {"m1", "b1", "interface.command_gain", "coulomb_friction@m1.level"}
+    one, other = told.names.index("m1"), told.names.index("coulomb_friction@m1.level")
+    assert told.correlation[one][other] == pytest.approx(-0.9, abs=0.03)
+    # sd of x is 1 / sqrt(samples (1 - 0.81)); of the level 0.01 times, of the mass 0.3 m1 times
+    sd = 1.0 / math.sqrt(samples * 0.19)
+    assert told.sd[other] == pytest.approx(0.01 * sd, rel=0.1)
+    assert told.sd[one] == pytest.approx(0.3 * 1.2e-3 * sd, rel=0.1)
+
+
+@pytest.fixture
+def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the bench, and no run of the export, which is tested elsewhere."""
+    cost = Cost(None, "not run here")
+    monkeypatch.setattr("zwidth.commands.export.cost_of", lambda *_: cost)  # pyright: ignore[reportUnknownLambdaType, reportUnknownArgumentType]
+    monkeypatch.chdir(tmp_path)
+    Path("bench.toml").write_text(commented_text(bench()))
+    return tmp_path
+
+
+def test_the_command_writes_the_draws_beside_the_model(quick: Path):
+    line = ["export", "bench.toml", "--to", "mjcf", "--out", "b.xml"]
+    assert run([*line, "--randomise", "30", "--seed", "4"]) == 0
+    told = json.loads((quick / "b.draws.json").read_text())
+    assert (told["draws"], told["joint"], told["seed"]) == (30, True, 4)
+    assert len(told["fields"]["joint/m1/frictionloss"]["draws"]) == 30
+
+
+def test_formats_without_fields_and_slips_are_refused_with_status_2(
+    quick: Path, capsys: pytest.CaptureFixture[str]
+):
+    line = ["export", "bench.toml", "--out", "b.x", "--randomise"]
+    assert run([*line, "3", "--to", "c"]) == 2
+    assert "--randomise goes with --to mjcf, urdf, sdf" in capsys.readouterr().err
+    slip = (quick / "bench.toml").read_text().replace('"b1",', '"b7",')
+    (quick / "bench.toml").write_text(slip)
+    assert run([*line, "3", "--to", "urdf"]) == 2
+    assert "posterior.names has 'b7'" in capsys.readouterr().err

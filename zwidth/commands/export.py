@@ -90,7 +90,8 @@ def command(
         console.say(f"wrote {write_text(drawn, json_text(told))}")
     console.result({
         "device": given.name, "to": to, "file": str(out), "name": called, "lost": list(made.lost),
-        "error_over_motion": cost.share, "cost": cost.said, "draws": None if randomise is None else str(drawn),
+        "error_over_motion": cost.share, "cost": cost.said,
+        "draws": None if randomise is None else str(drawn),
     })  # fmt: skip
 
 
