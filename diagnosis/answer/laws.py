@@ -159,7 +159,7 @@ class LearnedLaw(Law):
         """Say how large it is, over what, of which form, and its worth."""
         reads = self.curve.physics.effect.name == "free_sensor"
         unit = ("rad" if self.rotary else "m") if reads else self.force_unit
-        most = with_unit(float(np.abs(self.curve.forces).max()), unit, 2)
+        most = with_unit(float(np.abs(law_at(self.curve.physics, self.curve.seen)).max()), unit, 2)
         alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
         return f"up to {most} over {self.over}{self._looks(alike)}; {self.worth}"
 
