@@ -1,4 +1,4 @@
-"""What a fleet's parameters are: each recording's value, the pooled value, and the odd recordings."""
+"""Parameters of a fleet: each recording's value, the pooled value, and the odd recordings."""
 
 import math
 from collections.abc import Sequence
@@ -117,7 +117,7 @@ def _beside(members: Sequence[Member]) -> list[Any]:
 
 
 def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
-    """Each recording's value of a parameter, converted to the mean of the columns that it follows."""
+    """Each recording's value of a parameter, converted to the mean of what it follows."""
     place = list(fleet.names).index(name)
     values = np.array([float(m.quick.values[place]) for m in members])
     for column, slope in fleet.spreads[name].slopes.items():
