@@ -1,1 +1,1 @@
-"""Why a recording differs from the simulation: where, what physics is missing, and how sure."""
+"""Find why a recording differs from its simulation: what physics is missing, where, how sure."""

@@ -1,4 +1,4 @@
-"""The account of a diagnosis: what was simulated, in which stage, and for which reason.
+"""Counts the simulations of a diagnosis by stage and reason.
 
     with keeping(ticks) as account:
         with stage("adding effects"):

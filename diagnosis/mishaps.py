@@ -1,4 +1,4 @@
-"""Errors that cost one thing alone: a candidate, a recording, a picture, and not the rest.
+"""Limits an internal error to one candidate, recording or picture; the rest continues.
 
 A diagnosis works for minutes, and what it has found must not be lost to a mistake in what comes
 after. So whatever can be spared runs inside `isolated`, which says in which stage it is and what of

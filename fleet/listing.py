@@ -41,7 +41,7 @@ ONLY = "the device"
 
 @dataclass(frozen=True)
 class Listed:
-    """A recording of a fleet. date: when it was made, None for unknown; known: values by column."""
+    """A recording of a fleet. date: when it was made, None if unknown; known: values by column."""
 
     name: str
     path: Path

@@ -40,11 +40,12 @@ class Member:
 
 @dataclass(frozen=True, repr=False)
 class Fleet(Shown):
-    """One answer for a fleet.
+    """The result for a fleet.
 
     names: unit of each reported parameter; spreads: how each varies over the fleet.
-    candidates: structures that were tried, and how much more they cost; repeats: by name, how many
-    times repeats on one device scatter more than their errors say. notes: what was not used.
+    candidates: structures that were tried, and how much worse they fit; repeats: by parameter, the
+    scatter of repeated recordings of one device over their estimated errors. notes: recordings that
+    were not used.
     """
 
     structure: Structure
@@ -63,7 +64,7 @@ class Fleet(Shown):
 
     @property
     def odd(self) -> list[Member]:
-        """The recordings that were left out of what is said of the fleet."""
+        """The odd recordings: unlike the others, and left out of the fleet's values."""
         return [m for m in self.members if m.reason is not None]
 
     @cached_property
@@ -72,7 +73,7 @@ class Fleet(Shown):
 
     @cached_property
     def pooled_places(self) -> dict[str, int]:
-        """Where in `Spread.pooled` each recording that has a part in it stands, by name."""
+        """Index in `Spread.pooled` of each recording that is pooled, by name."""
         return {m.listed.name: k for k, m in enumerate(m for m in self.members if m.pooled)}
 
     def of(self, device: str) -> list[Member]:

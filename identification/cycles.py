@@ -42,9 +42,9 @@ class Cycle:
 
 @dataclass(frozen=True)
 class RelayCondition:
-    """A condition (delay [s], B): the run from the reference start, and all that other starts give.
+    """One condition (delay [s], B): the run from the reference start, and results of other starts.
 
-    diverging, undecided: shares of the starts that do.
+    diverging, undecided: shares of the starts that diverge, or stay undecided.
     """
 
     delay: float
@@ -56,14 +56,14 @@ class RelayCondition:
 
     @property
     def likeliest(self) -> Cycle | None:
-        """The cycle on which most starts end; None where more of them diverge, or none was run."""
+        """The cycle on which most starts end; None where more diverge, or none was run."""
         if not self.cycles or self.cycles[0].share < max(self.diverging, self.undecided):
             return None
         return self.cycles[0]
 
     @property
     def verdict(self) -> RelayVerdict:
-        """What most starts do, or the reference start if no others were run."""
+        """The outcome of most starts, or of the reference start if no others were run."""
         if self.likeliest is not None:
             return "oscillates"
         if not self.cycles and not self.diverging and not self.undecided:
@@ -74,7 +74,7 @@ class RelayCondition:
     def read(self) -> Cycle | None:
         """The cycle that a reading reports: the likeliest, None where most starts end on none.
 
-        That of the reference start, with a share of 0, where no others were run.
+        Where no other starts were run: the cycle of the reference start, with a share of 0.
         """
         if self.verdict != "oscillates" or self.likeliest is not None:
             return self.likeliest

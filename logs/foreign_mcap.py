@@ -83,7 +83,7 @@ class Topic:
     undecoded: int = 0
 
     def take(self, message: Message) -> None:
-        """Decode one message; one that does not match its schema is counted and left out."""
+        """Decode one message; messages that do not match their schema are counted and skipped."""
         try:
             body = self.decode(message.data)
             leaves = _leaves(body)

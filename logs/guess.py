@@ -111,9 +111,9 @@ def _seems(signal: Signal, rows: int) -> str:
 
 
 def naming(signal: Signal) -> Naming:
-    """Return what the name and the unit of a signal say; a unit decides the quantity.
+    """Return the quantity of a signal by its name and unit; where they disagree, the unit decides.
 
-    But counts are of whatever the name says, and a motion named may be told in volts.
+    Two exceptions: for counts the name decides, and a signal named as a motion may be in volts.
     """
     core, unit = _core(signal), unit_seen(signal)
     said = read_name(core)

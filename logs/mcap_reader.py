@@ -27,7 +27,7 @@ from zwidth.sim.trace import Trace
 
 @dataclass(frozen=True, repr=False)
 class Log(Shown):
-    """What a log holds. warnings: a sentence on everything that is not intact; empty if all is.
+    """The content of a log. warnings: a sentence for everything damaged; empty for an intact log.
 
     substep is None where the log has no such topic. metadata joins all notes, later ones winning.
     attachments: name -> bytes. library: what wrote the file. epoch_ns: log time of t = 0.

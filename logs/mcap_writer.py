@@ -52,8 +52,8 @@ class LogWriter:
 
     Append about a second at a time: each block is compressed alone and repeats its schema, 0.7 kB.
 
-    A file at `path` stands in the way unless a log writer wrote it and nobody has edited it since;
-    overwrite: write over it.
+    A file at `path` is replaced only if a log writer wrote it and it was not edited since, or with
+    overwrite.
 
     Raises LogPathError (path), Protected (a file in the way), LogBlockError (what does not fit),
     LogWriteError (a full disk).

@@ -49,7 +49,7 @@ class Naming:
 
     @property
     def drives(self) -> bool:
-        """Whether a device may be driven by it."""
+        """Whether a signal of this kind can be the command of a device."""
         return self.quantity in DRIVES and self.role != "error"
 
     @property

@@ -8,7 +8,7 @@ SEAL = "log.crc32"
 
 
 def seal(name: str, entries: Mapping[str, str]) -> dict[str, str]:
-    """Return the entries of the record `name`, and their checksum under the key `log.crc32`."""
+    """Return the entries of the record `name` with their checksum under the key `log.crc32`."""
     return dict(entries) | {SEAL: _checksum(name, entries)}
 
 

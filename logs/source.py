@@ -20,7 +20,7 @@ TEXT = "is text; a signal is numbers"
 
 
 class RecordingError(LogError):
-    """A recording or its description is not as it must be; one sentence says what to change."""
+    """An invalid recording or description; one sentence says what to change."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,12 @@ class Signal:
 class Source:
     """The signals of one file.
 
-    kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
-    on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
-    file of its own; empty in everyone else's. aliases: other names of signals. texts: columns of
-    few different words, (samples,), which tell what each row is of. aside: signals that a
-    description may name and nobody takes unasked, such as a clock that became others' stamps.
+    kind: the format, in words. unreadable: signal -> why it is not a row of numbers. notes:
+    sentences on irregularities of the file (lines above the header, a lost chunk). about: metadata
+    that zwidth wrote into its own files; empty for other files. aliases: other names of signals.
+    texts: text columns with few different values, (samples,), which say what each row belongs to.
+    aside: signals that are used only where a description names them, such as a clock whose
+    values already serve as time stamps.
     """
 
     path: Path

@@ -27,8 +27,8 @@ class ReplayResult(Shown):
     """Whether a log and its replay are equal bit for bit.
 
     ticks: how many the log holds, all of which were compared up to the first difference (None
-    where they are identical). notes: a sentence on everything that limits what this shows (a log
-    cut short, another source of the user's controller, another version). trace: what was logged.
+    where they are identical). notes: a sentence for each limit of the comparison (a log cut short,
+    another source of the user's controller, another version). trace: the logged trace.
     """
 
     identical: bool

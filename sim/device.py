@@ -43,8 +43,8 @@ class Device(Shown):
     rotary: N m and rad; else N and m. modal is kept where the device was given in modal form (then
     chain is the same model as a chain). physics: effects that have no field in the interface or the
     chain. uncertainty: how well these values are known; fits use it, simulations ignore it. band:
-    how far its free runs erred when it was diagnosed; posterior: how well its numbers were known
-    together then. Both None where it was not.
+    errors of its free runs when it was diagnosed; posterior: joint uncertainty of its parameters
+    from the diagnosis. Both are None for a device that was not diagnosed.
 
     Raises DeviceError or ValueError with a sentence that names the field and what is allowed: for a
     place that the chain does not have, an effect twice at one place, an effect that has a field in
@@ -114,7 +114,7 @@ class Device(Shown):
         return *said, self.interface, self.physics, self.modal, *known
 
     def plant(self) -> Plant:
-        """Return the linear equations, delay and steps left out.
+        """Return the linear equations, without delay and quantisation.
 
         The amplifier's lag is in them, and springs to ground and extra masses, which come after
         those of the chain in the order of physics.
@@ -147,7 +147,7 @@ class Device(Shown):
         return tuple(found)
 
     def reading(self) -> Reading:
-        """Return which states its readings are taken from."""
+        """Return the states from which its readings are taken."""
         n = self.chain.masses.size
         filters = filters_of([(p, p.values) for p in self.physics])
         return reading(n, n + len(self.hung()), filters)
@@ -163,7 +163,7 @@ class Device(Shown):
         return self if changed == self.interface else replace(self, interface=changed)
 
     def with_physics(self, *added: Physics) -> "Device":
-        """Return the device with these effects, each brought to its home.
+        """Return the device with these effects added.
 
         Steps and limits replace those of the interface, delays add to its delay, a ground spring
         at m1 adds to that of the chain (which then has no modal form); any other effect replaces
@@ -220,7 +220,7 @@ class Device(Shown):
     def rigid(self) -> "Device":
         """Return the device with all masses collapsed into one (Fig. 7), interface kept.
 
-        What acts inside a link has no part in a rigid body; what acts on m2 or m3 acts on m1.
+        Effects inside links are dropped; effects on m2 or m3 act on m1 instead.
         """
         kept = (p for p in self.physics if p.place.kind != "link")
         moved = [replace(p, at="m1") if p.place.index > 0 else p for p in kept]

@@ -169,10 +169,10 @@ def _sized(device: Device, where: str) -> Device:
 
 
 def save_device(device: Device, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the device file, commented, as a whole or not at all; folders are made.
+    """Write the device file with comments; folders are made. A failure leaves no partial file.
 
-    A file stands in the way unless this function wrote it and nobody has edited it since;
-    overwrite: write over it. Raises Protected then, DeviceError where it cannot be written.
+    An existing file is replaced only if this function wrote it and it was not edited since, or with
+    overwrite. Otherwise raises Protected. Raises DeviceError where it cannot be written.
     """
     try:
         with writing_as("save_device", overwrite):

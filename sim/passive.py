@@ -29,7 +29,7 @@ class PassiveFit(NamedTuple):
 
 
 def nearest_passive(chain: Chain, band_hz: tuple[float, float] = BAND_HZ) -> PassiveFit:
-    """Return the passive chain of as many masses and the same ground spring that is nearest.
+    """Return the nearest passive chain with the same number of masses and ground spring.
 
     If the chain is passive, it is returned at distance 0. The search starts from negative dampers
     raised to zero, and to three fractions of the mean damper. Deterministic; about 0.1 s for three

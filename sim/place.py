@@ -48,7 +48,7 @@ class Place:
         return Place("mass", 0) if self.kind == "ground" else self
 
     def row(self, masses: int) -> NDArray[np.float64]:
-        """The row that takes a force's way from the positions of so many masses."""
+        """The row vector that gives a force's displacement from the positions of the masses."""
         first, second = self.ends
         found = np.zeros(masses)
         found[first] = 1.0

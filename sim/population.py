@@ -241,8 +241,9 @@ class Population:
     ) -> tuple[Floats, tuple[Memory, ...]]:
         """Run freely under a command (ticks,): outputs (members, ticks, o), states at the end.
 
-        starts: from `start`, or where an earlier call ended: a window of a recording is a piece of
-        its command from the states at its beginning. Outputs are infinite after an overflow.
+        starts: states from `start`, or from the end of an earlier call. A window of a recording is
+        its part of the command, run from the states at the window's beginning. Outputs are infinite
+        after an overflow.
         """
         o = outputs.state.size
         still = Recorded(command, np.zeros((command.size, o)), outputs, external)

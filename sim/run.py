@@ -36,9 +36,9 @@ ESTIMATOR_OF = {e.code: e for e in ESTIMATORS.values()}
 class Outcome(enum.Enum):
     """How a run ended; the value is the sentence."""
 
-    COMPLETED = "the run went on to its end"
-    ESCAPED = "the position left the bound, the run was stopped there"
-    NOT_FINITE = "the state overflowed, the run was stopped there"
+    COMPLETED = "the run completed"
+    ESCAPED = "the position exceeded the bound and the run was stopped"
+    NOT_FINITE = "the state overflowed and the run was stopped"
 
 
 OUTCOMES = {DONE: Outcome.COMPLETED, ESCAPED: Outcome.ESCAPED, NOT_FINITE: Outcome.NOT_FINITE}

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class TableError(ValueError):
-    """A table that is not as it must be; the message is one sentence."""
+    """A table with an invalid entry; the message is one sentence."""
 
 
 class Table:
@@ -83,7 +83,7 @@ class Table:
         return self._typed(key, default, bool, "true or false")
 
     def table(self, key: str) -> "Table":
-        """Return a table within; an empty one where it does not stand."""
+        """Return a table inside this one, or an empty table where the key is missing."""
         return Table(self._typed(key, {}, dict, f"a table [{self._at(key)}]"), self._at(key))
 
     def tables(self, key: str) -> list["Table"]:

@@ -145,8 +145,9 @@ def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
     """Write a map as NetCDF with units and attributes, whole or not at all; returns the path.
 
     Its dimensions are the quantities of its axes: (K, B) for the usual map.
-    The same map gives the same bytes. A file stands in the way unless this function wrote it and
-    nobody has edited it since; overwrite: write over it. Raises Protected then, OSError.
+    The same map gives the same bytes. An existing file is replaced only if this function
+    wrote it and it was not edited since, or with overwrite. Otherwise raises Protected. Raises
+    OSError where the file cannot be written.
     """
     with writing_as("save_map", overwrite):
         return write_bytes(file, bytes(map_dataset(result).to_netcdf(engine="scipy")))

@@ -102,8 +102,8 @@ def hand_quantiles(
 ) -> list[Quantiles]:
     """Return the K_CR that 95, 50 and 5 % of drawn hands reach at each B, 0 for no stable K.
 
-    lever [m] of the hand on a rotary device, unused else. Limit: with n hands the share that a
-    quantile is of is uncertain by some 1/sqrt(n).
+    lever [m] of the hand on a rotary device, unused else. Limit: with n hands the share below
+    a quantile is uncertain by about 1/sqrt(n).
     """
     grid = list(dampings)
     found = np.array(

@@ -31,11 +31,11 @@ class Trial:
 
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
     boundary depends on it. others: further starts for a boundary; a wall then counts as stable only
-    if it is stable from every start. Maps and linear devices use none. seconds of the first run,
-    limit_s of the longest; window_s of the energy windows. threshold: largest amplitude of a limit
-    cycle that counts as rest, above which none counts as dither (None: the rules of `sim/fate.py`).
-    substeps per tick where the device needs them. law: of the walls. perception: from which size an
-    oscillation is felt.
+    if it is stable from every start. Maps and linear devices use none of these. seconds of the
+    first run, limit_s of the longest; window_s of the energy windows. threshold: largest amplitude
+    of a limit cycle that counts as rest, above which none counts as dither (None: the rules of
+    `sim/fate.py`). substeps per tick where the device needs them. law: of the walls. perception:
+    from which size an oscillation is felt.
 
     Raises ValueError with field, value and what is allowed.
     """

@@ -63,9 +63,10 @@ class Line:
 def describing_lines(plane: Plane, points: int = LINE_POINTS) -> list[Line]:
     """Return the boundaries that describing functions predict in a plane with K on an axis.
 
-    friction: starts above the line grow, below it come to rest. quantiser: above the line an
-    oscillation can sustain itself. Each is given where its nonlinearity is the only one: an
-    encoder step with friction, a limit in reach or a one-sided wall is no case of either theory.
+    friction: runs that start above the line grow, those below it come to rest. quantiser: above the
+    line an oscillation can sustain itself. A line is returned only where its nonlinearity is the
+    only one: neither theory covers an encoder step together with friction, a command limit that
+    is reached, or a one-sided wall.
     """
     axes = (plane.x, plane.y)
     plain = plane.trial.law.linear and not plane.one_sided and has_theory(plane.device)

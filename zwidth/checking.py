@@ -132,10 +132,10 @@ class Changed:
 
 @dataclass(frozen=True, repr=False)
 class Check(Shown):
-    """Whether a simulation is still true. simulator: what ran, "" for the device itself.
+    """Whether a simulation still predicts its machine. simulator: its name, "" for the device.
 
-    changed: what brings the recordings that are outside nearer; explains: whether it brings them
-    within the band.
+    changed: the refitted parameters that bring recordings outside the band closer to it; explains:
+    whether they bring them within it.
     """
 
     device: str

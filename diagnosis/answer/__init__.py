@@ -1,1 +1,1 @@
-"""What is said in the end, and whether it is any good."""
+"""From the result of the search to the answer: verdict, checks on held-out data, words, JSON."""

@@ -1,4 +1,4 @@
-"""Is the answer any good? What its own noise model foretells, beside what is seen on held-out data.
+"""Is the model adequate? Compares errors on held-out data with what its noise model predicts.
 
 A hypothesis that costs least may still be wrong: it is the best of those that were tried. If it is
 right, its free runs err on data that it was not fitted to as far as its noise and what is not known

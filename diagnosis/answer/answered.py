@@ -1,4 +1,4 @@
-"""From what a search found to the answer: located, judged, and all that is to be said of it."""
+"""Turns the result of the search into the answer: locates the difference and judges the model."""
 
 from dataclasses import replace
 from functools import partial

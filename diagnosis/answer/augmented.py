@@ -1,4 +1,4 @@
-"""The device that a fit found: what the fit used, its file says.
+"""The improved device: the device file of the values that the fit used.
 
 A fit reads a recording by a gain of the command, an origin of the position (where a spring to
 ground rests) and a command that is held or smooth, takes steps off the recording and lost commands

@@ -1,4 +1,4 @@
-"""How far free runs of an improved device err: what its file carries for later recordings.
+"""The error band of an improved device: errors of its free runs, kept for later recordings.
 
 Measured on the held-out data, and just as a check measures it later: from the device file alone,
 with the observer of the ratio that the file keeps. Each window begins in the observer's state and

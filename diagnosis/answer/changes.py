@@ -1,4 +1,4 @@
-"""What does not stay the same while a device is recorded, as an answer says it.
+"""Changes of the device during a recording, in the form of the answer.
 
 Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
 in what was fitted is named where it is believed over everything that was tried and stays the same,

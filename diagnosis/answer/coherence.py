@@ -1,4 +1,4 @@
-"""Whether errors of free runs are coherent with the motion: noise is not.
+"""Are errors of free runs coherent with the motion? Noise is not, missing physics is.
 
 Errors of a free run of a linear device are its innovations filtered, so noise of the right spectrum
 has errors as large as a lack of physics has, and their size alone cannot tell the two apart. But

@@ -1,4 +1,4 @@
-"""What each finding is worth: how much farther free runs err without it, on data held out.
+"""The worth of each finding: how much larger held-out free-run errors are without it.
 
 The answer less one effect, its other parameters fitted again, follows the same held-out recordings
 under the same observer. Over runs of each length that fits (`adequacy`) its mean square error is

@@ -1,4 +1,4 @@
-"""What happened once while a device was recorded, as an answer says it.
+"""Events that happened once during a recording, in the form of the answer.
 
 When it is asked for, and what becomes of an answer where something happened: `knowing_events`.
 

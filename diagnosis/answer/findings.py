@@ -1,4 +1,4 @@
-"""What was found, in the words of an answer: values with intervals, rivals, bounds."""
+"""Findings of an answer: values with intervals, rival effects, detection limits."""
 
 import math
 from collections.abc import Mapping, Sequence

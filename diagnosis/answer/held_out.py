@@ -1,4 +1,4 @@
-"""The fit on data that nothing was fitted to: one step ahead, and free runs over windows."""
+"""Errors of the model on held-out data: one step ahead, and in free runs over windows."""
 
 from collections.abc import Sequence
 

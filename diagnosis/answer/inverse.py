@@ -1,4 +1,4 @@
-"""The inverse model: the force that a recorded motion needs, beside the force that was commanded.
+"""The inverse model: the force that a recorded motion requires, compared with the command.
 
 Where the motion of every mass was recorded, nothing need be simulated to ask what a model lacks.
 Positions are freed of noise by a zero-phase low-pass (Butterworth, forwards and backwards), and

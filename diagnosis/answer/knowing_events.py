@@ -1,4 +1,4 @@
-"""What happened once: set apart while physics is searched for, and known to the answer.
+"""Events that happened once: excluded from the search for physics, reported in the answer.
 
 An event bends every fit, and a search takes it for physics. So what stands out of chance and
 explains more than the next effect is set apart while a search goes on (`events.set_apart`). The

@@ -1,4 +1,4 @@
-"""A law of no name, as an answer says it: its curve or surface, its form, and what it is worth.
+"""A learned law, as the answer reports it: its curve or surface, formula, and worth.
 
 A law over two states is a grid, or of two tables (`learning/surfaces`). Of two tables each law is
 known with the covariance of the fit, and looks like a formula of its own (`learning/formulas`): "a

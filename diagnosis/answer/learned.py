@@ -1,4 +1,4 @@
-"""Laws of no name: learned where names do not explain a recording, judged by data kept out."""
+"""Learned laws: fitted where no library effect explains a recording, judged on held-out data."""
 
 import itertools
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Whether a command had one level only, and at which level to record next.
+"""Did the command have one level only? If so, the level to record next.
 
 Of steps between +A and -A a friction F is hardly more than a command of A - F: what bends with the
 size of the motion (dry friction, drag, a dead band, a limit) is told from linear parameters by how

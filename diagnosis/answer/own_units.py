@@ -1,4 +1,4 @@
-"""The numbers of an answer in the units that a recording counts in, where a scale is not known.
+"""Values of an answer in a recording's own units (A, V, counts) where a scale is unknown.
 
 One of an ampere or a count is taken for one of SI then (`sim.readable.counted_in`), so that the
 numbers stay and only what they are called changes: a friction of 0.4 N m is one of 0.4 A.

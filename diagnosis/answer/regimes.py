@@ -1,4 +1,4 @@
-"""Whether what was found holds everywhere, or in one regime only.
+"""Checks whether the model holds in every regime of the motion, or in one only.
 
 The last third of a recording is mostly more of the same, and judges little: at one level friction
 is a smaller command, in one direction it is a constant force. So what was found is judged where it

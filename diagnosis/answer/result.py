@@ -1,4 +1,4 @@
-"""What a diagnosis says, as values and as the JSON of `zwidth diagnose` (see docs/diagnosis.md)."""
+"""The result of a diagnosis, as values and as the JSON of `zwidth diagnose` (docs/diagnosis.md)."""
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -133,7 +133,7 @@ class Finding:
     def without_probability(self) -> "Finding":
         """Return the finding without its probability, for an answer that is not adequate.
 
-        No hypothesis that was fitted is then true, so their shares are no probabilities.
+        No fitted hypothesis is then adequate, so their relative weights are not probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
@@ -189,9 +189,9 @@ class NextExperiment:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
-    """The whole answer. device: augmented by what was found, with refitted linear parameters.
+    """The result of a diagnosis. device: improved by the effects found, with refitted parameters.
 
-    headline: the answer in one line for people; sentence: what the verdict rests on; both without
+    headline: the answer in one line; sentence: the reason for the verdict; both without
     a full stop (`answer.words`). cautions: warnings for its use; next_level: another level to
     record, where all commands have one. searched: what the search found; experiments: the
     recordings as they were read. errors: internal errors that prevented a part of the answer;
@@ -302,7 +302,7 @@ class Unanswered:
 
 
 class NotDiagnosed(Exception):
-    """An error that leaves nothing to conclude; `unanswered` holds what there was before it."""
+    """An error prevented any conclusion; `unanswered` holds the results up to it."""
 
     def __init__(self, unanswered: Unanswered) -> None:
         super().__init__(unanswered.sentence)

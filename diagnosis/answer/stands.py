@@ -1,4 +1,4 @@
-"""Which answer stands: with what changed, before held-out data, and beside what is left over."""
+"""Chooses the final answer: with or without changes, by held-out data and what is unexplained."""
 
 import math
 from collections.abc import Iterator, Sequence

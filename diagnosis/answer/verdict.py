@@ -1,4 +1,4 @@
-"""The verdict: a pure function of what was found out, called where all of it is known.
+"""The verdict: a pure function of all results, called once they are complete.
 
 `reason` says why the verdict is what it is, the first of its list that holds; a reason has one
 verdict (its value). What is said of either is `answer.words`.

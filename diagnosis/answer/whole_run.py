@@ -1,4 +1,4 @@
-"""Free runs over whole recordings, each output as a user knows it: in units, and over the motion.
+"""Errors of free runs over whole recordings, per output: in its unit and relative to the motion.
 
 The model starts where the recording does and is never corrected. What was taken otherwise than it
 was recorded is turned back: a position that was counted from a velocity is differenced and filtered

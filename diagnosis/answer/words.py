@@ -1,4 +1,4 @@
-"""All that is said of an answer, in words: terminal, report and JSON have it from here.
+"""All sentences of an answer; terminal, report and JSON take them from here.
 
 The headline says what is missing, how much, and where, as an engineer would: "Coulomb friction of
 20.1 mN m (19.7 to 20.5) at the motor is missing". `why` says what the verdict rests on.

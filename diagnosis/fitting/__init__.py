@@ -1,1 +1,1 @@
-"""Models brought to the recordings: the cost of many at once, and searches that arrive."""
+"""Fits models to recordings: cost of many models at once, local and global searches."""

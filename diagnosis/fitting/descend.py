@@ -1,4 +1,4 @@
-"""Downhill in lanes: slopes and steps of several lengths, each a population.
+"""Local descent: gradients and step lengths are evaluated side by side, each as a population.
 
 Gauss and Newton's step, damped as by Levenberg and Marquardt: with r the weighed innovations and J
 their slopes,

@@ -1,4 +1,4 @@
-"""Far starts: generations of members that need no slopes.
+"""Evolutionary search for distant starting points: generations of models, no gradients.
 
 A model that sticks, rattles or saturates has a cost of creases: differences of 1e-4 point nowhere,
 and a refit without the physics has bent the linear parameters so far that no path downhill leads

@@ -1,4 +1,4 @@
-"""Recordings under one observer, and a model fitted to them.
+"""Fits a model to recordings under one fixed observer.
 
 chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, gain of the observer and deviations s fixed.
 What goes downhill in it is `fitting.descend`.

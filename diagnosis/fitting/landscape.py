@@ -1,4 +1,4 @@
-"""What a model costs at many x, under one observer, in one call for all of them.
+"""The cost of a model at many parameter vectors x, under one observer, in one call.
 
     cost(x) = n ln det S_0 + n ln det S(x) + sum of prior x^2,    S(x) = sum w w' / n,
 

@@ -1,4 +1,4 @@
-"""One model at many x, side by side: their innovations on a recording.
+"""Innovations of one model on a recording, at many parameter vectors x side by side.
 
 A fit asks for its slopes, a population for its costs: the same structure with other numbers, which
 the lanes of the kernel run together (`sim/population.py`). Members that have lost an effect (an

@@ -1,4 +1,4 @@
-"""How sure a fit is where its residual is not white."""
+"""Parameter uncertainty of a fit whose residual is not white."""
 
 import math
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""Forces that have no name: where, and following what."""
+"""Forces that no library effect explains: where they act and which state they follow."""

@@ -1,4 +1,4 @@
-"""Is anything left that no effect of the library explains? A bank of forces of unknown cause.
+"""Is a force left that no library effect explains? Tested with a bank of generic forces.
 
 A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / period): q one of
 

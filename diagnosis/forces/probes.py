@@ -1,4 +1,4 @@
-"""Whether what was named is physics of no library that comes near it, fitted to its end.
+"""Is a named effect really something similar that the library lacks? Fitted to convergence.
 
 A drag that carries much of the motion turns it over, and so does a stop; a force added to the
 recording does not follow it there (`forces.unknown`). So what was named is exchanged for a law

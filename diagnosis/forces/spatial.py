@@ -1,4 +1,4 @@
-"""What repeats over position or command: its period, by a spectrum over that quantity.
+"""Forces periodic in position or command: their period, by a spectrum over that quantity.
 
 A force f_k (or an error of the sensor s_k) moves the weighted innovations r by F f, F the linear
 response of observer and device. So with g = F' r, <r, F f> = <g, f>, and for a wave f = a cos(2 pi

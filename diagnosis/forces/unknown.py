@@ -1,4 +1,4 @@
-"""Physics of no library, sought where the fast observer hides it, and judged by likelihood.
+"""Unknown physics that a fast observer hides: searched with slower ones, judged by likelihood.
 
 What is missing and has no name is let in as a force of free shape at one place,
 

@@ -1,1 +1,1 @@
-"""Recordings as they are taken: what is odd or wrong about them."""
+"""Checks recordings before the diagnosis: wrong units, swapped columns, lost samples, clocks."""

@@ -1,4 +1,4 @@
-"""How the motion of a device that is known roughly answers its command, as a regression.
+"""Regression of the motion of a roughly known device on its command.
 
 One step ahead the prediction of a linear device is linear in its command. With a scale s of the
 command, n samples by which it acts earlier than it is written down, and d the shares by which

@@ -1,4 +1,4 @@
-"""Velocities that are an encoder's counts, differenced: back to the position that was counted.
+"""Velocities that are differences of encoder counts: converted back to the position.
 
     v_k = a v_(k-1) + (1 - a) c_k s / T,    c_k whole, s the encoder's step, a = 0 unfiltered.
 

@@ -1,4 +1,4 @@
-"""Velocities that are no measurement: positions of the same recording, differenced or filtered.
+"""Velocities computed from the positions of the same recording: not a second measurement.
 
     v_k = a_1 v_(k-1) + a_2 v_(k-2) + sum_j b_j (p_(k-j) - p_(k-j-1)) + e_k,    j = -LEAD ... LAG,
 

@@ -1,4 +1,4 @@
-"""How many times over a device seems driven: the scale of the command that its motion tells.
+"""The scale of the command, estimated from the motion that it causes.
 
 The scale is that of a regression (`intake.answering`) beside drag, friction and a device file that
 is off by up to a half, or twice as much: alone it would be drawn by all that the file does not

@@ -1,4 +1,4 @@
-"""Tell whether a command was held between its samples or smooth (`sim/smooth_command.py`)."""
+"""Detects whether a command was held between its samples or smooth (`sim/smooth_command.py`)."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Tell a command that is written down at another time than it acts.
+"""Detects a command that is recorded at another time than it acts.
 
 A logger that stamps a command when it is told of it, and a motion when it was measured, shifts the
 command by some samples. That is asked of a regression (`intake.answering`): the motion answers the

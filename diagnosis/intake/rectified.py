@@ -1,4 +1,4 @@
-"""A sensor that reports the absolute value: fold its readings out again.
+"""A sensor that reports absolute values: restores the sign of its readings.
 
 A motion through zero comes back from it with its velocity turned at once, which no force can do; a
 velocity, with its acceleration. So each sample takes the sign that continues the motion, z_k = s_k

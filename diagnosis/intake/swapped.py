@@ -1,4 +1,4 @@
-"""Tell columns that were described for one another: two outputs, or the command and a motion.
+"""Detects columns described in exchanged order: two outputs, or the command and a motion.
 
 Two outputs of one quantity at two masses are read the other way round, and the better prediction
 by the device file decides, by much (a device file is off by half in every number). A command that

@@ -1,4 +1,4 @@
-"""The recordings as the diagnosis takes them: sound or corrected, and what is left out of them.
+"""Prepares recordings for the diagnosis: checks, corrects, and leaves out unusable parts.
 
 Whether a sign or a unit of a recording is wrong is a hypothesis beside physics. The gate says what
 is suspected; each way to read the recordings (`readings`) is searched for physics, and what costs

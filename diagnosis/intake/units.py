@@ -1,4 +1,4 @@
-"""Factors between units: what a command or an output may have been written down in."""
+"""Factors between units in which a command or output may have been recorded by mistake."""
 
 import math
 from collections.abc import Sequence

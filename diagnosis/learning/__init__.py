@@ -1,1 +1,1 @@
-"""Laws of no name, learned where no name explains a recording, and what formulas they look like."""
+"""Learns laws where no library effect explains a recording, and finds formulas close to them."""

@@ -1,4 +1,4 @@
-"""What does not stay the same: a parameter that steps, drifts, settles or follows, and when.
+"""Parameters that change in a recording: by a step, drift, settling or following; and when.
 
 To first order the residual is r_0 + J d, J its slopes by the parameters. Of a parameter j that is
 delta g(t) more than at the end, the slopes are those of j itself times g, since an observer has

@@ -1,4 +1,4 @@
-"""Does a law of no name ever make energy? What it gives, times the velocity at which it gives it.
+"""Does a learned law generate energy? Its force times the velocity where it acts.
 
 A force over a velocity feeds the motion where f(v) v > 0. What of it is straight is its place's
 damper b as well as its own, so that what is asked is of both, f(v) - b v, with what has a name

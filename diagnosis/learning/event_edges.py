@@ -1,4 +1,4 @@
-"""When a force of an event begins and when it ends, by the likelihood of every time for either.
+"""When the force of an event begins and ends, by the likelihood of each possible time.
 
 A force that may have any shape may also be as small as it likes for as long as it likes, so that
 when it begins is a question of how its shape is described. Here it is a polyline over [b, e), with

@@ -1,4 +1,4 @@
-"""The force of an event, fitted through the kernel: what acted, tick by tick, and how sure that is.
+"""The force of an event, tick by tick with its uncertainty, fitted through the simulation.
 
 An event is a force f(t) = sum_j f_j phi_j(t), phi_j each tick by itself about what is short, and
 hats over what lasts. The window about it is run through the kernel from the state that the observer

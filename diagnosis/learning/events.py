@@ -1,4 +1,4 @@
-"""What happens once in a recording: a force for a while, a sensor that slips. Found, and when.
+"""Finds events that happen once in a recording, such as a push or a sensor slip, and when.
 
 A force a at a place from tick t on, for d ticks, that a model does not know leaves in its whitened
 innovations

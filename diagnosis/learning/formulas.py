@@ -1,4 +1,4 @@
-"""What formula a learned law looks like: the smallest of the field's forms within its band.
+"""Finds a formula for a learned law: the simplest common form within its band.
 
 A law is known at its points with the covariance C of the fit, so a form g(s; theta) is as far from
 it as

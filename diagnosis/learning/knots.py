@@ -1,4 +1,4 @@
-"""As many points as a table pays for, odd or of one direction where that is likelier.
+"""Chooses the number of points of a learned table, and whether it is odd or acts in one direction.
 
 A fit of a table of many points knows their forces f with the precision P, all else free: with A
 the information, P = A_ff - A_fo A_oo^-1 A_of. Any table of fewer numbers g at which f = B g (fewer

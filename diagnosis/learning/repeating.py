@@ -1,4 +1,4 @@
-"""Whether a law of no name repeats over its state, and by what.
+"""Finds whether a learned law is periodic in its state, and its period.
 
 A table of some thirty points holds few periods of what repeats; one turn of it holds them all. So
 of a law that was fitted with forces f at points s, of precision P, it is asked which period L makes

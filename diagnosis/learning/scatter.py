@@ -1,4 +1,4 @@
-"""How far innovations scatter where a device is in a like state: at impacts more than elsewhere.
+"""Scatter of the innovations by state of the device: at impacts it is larger.
 
 An observer of one gain takes innovations for equally large everywhere. Where a law is nonsmooth
 they are not: at an impact in a link with play, or where friction turns over, an error of the state

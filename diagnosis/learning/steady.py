@@ -1,4 +1,4 @@
-"""What a law gives in steady motion over one state, to be held beside a curve of that state.
+"""The force of a law in steady motion over one state, for comparison with other curves.
 
 What acts at a place over a velocity is the sum of all laws there that follow it: friction, a drag,
 a table. A dry force slides at its bound; a bristle that has bent to its end pulls by its level. A

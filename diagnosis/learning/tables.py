@@ -1,4 +1,4 @@
-"""Tables of laws of no name: where their points stand, and what they give."""
+"""Tables of learned laws: the positions of their points and their forces."""
 
 from collections.abc import Sequence
 

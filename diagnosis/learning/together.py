@@ -1,4 +1,4 @@
-"""All that acts at a place over one state, learned and named: the curve that an engineer reads.
+"""Total force at a place over one state: learned law plus named effects, as one curve.
 
 Friction is a name, a drag beside it another, and what was learned beside both a table; who has
 measured a friction curve has their sum. So laws that follow the same state at the same place

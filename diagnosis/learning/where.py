@@ -1,4 +1,4 @@
-"""Where a law of no name would gain most: a table of many points at every place, begun.
+"""Where a learned law would improve the fit most: tries a table of many points at each place.
 
 Beside what a hypothesis has, a table of zeros is let in at every place over every state that one
 may follow, with as many points as a table has, and goes downhill for a few rounds: under the noise

@@ -1,4 +1,4 @@
-"""Values that recordings have of their own, as their files say: `[free]` of a recording TOML.
+"""Parameters fitted for each recording separately: `[free]` of a recording TOML.
 
 Three springs that were hung in turn are three numbers, and all else of the carts is one device's.
 Where a word stands for a parameter, recordings with that word share its value; those without share

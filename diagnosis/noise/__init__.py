@@ -1,1 +1,1 @@
-"""What a recording scatters by: a family of models of the noise, one of which is the likeliest."""
+"""Models of the noise of a recording; the likeliest is chosen."""

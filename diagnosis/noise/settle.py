@@ -1,4 +1,4 @@
-"""Noise and fit in turn, until both agree: the noise never changes inside a fit."""
+"""Alternates between noise model and fit until both agree; the noise is fixed during a fit."""
 
 from collections.abc import Sequence
 

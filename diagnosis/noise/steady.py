@@ -1,4 +1,4 @@
-"""The steady observer of a linear device: its gain, and how far its innovations scatter.
+"""The steady-state observer of a linear device: its gain and the covariance of innovations.
 
 The noise model has two numbers, a force at m1 held for a tick each and noise of what is measured,
 and only their ratio matters for the gain K = P c' (c P c' + R)^-1. P is what the observer does not

@@ -1,4 +1,4 @@
-"""What was recorded to move a device from outside: what it stands on, and measured forces.
+"""Recorded inputs other than the command: motion of the base, and measured forces.
 
 Positions are counted from the base, as the encoders of a device on it count them. In them every
 mass feels - m a besides all other forces, a the acceleration of the base, exactly. The kernel holds

@@ -1,4 +1,4 @@
-"""The force of a link, read by a load cell, as what the link gives way.
+"""The force in a link, measured by a load cell, expressed as the link's deflection.
 
 A load cell between two masses is a spring of known stiffness K, so that its reading
 

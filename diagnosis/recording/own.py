@@ -1,4 +1,4 @@
-"""What a recording says is its own (`[free]`), as names of parameters that a fit has.
+"""Parameters that a recording declares its own (`[free]`), as the names used in a fit.
 
     [free]
     ground_spring = "stiff"               # masses, ground_dampers ...: all of the chain's

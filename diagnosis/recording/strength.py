@@ -1,4 +1,4 @@
-"""How much of a drive's force counted in a recording: its supply, and whether it was on."""
+"""The share of the drive's force that acted in a recording: supply voltage, on or off."""
 
 import numpy as np
 from numpy.typing import NDArray

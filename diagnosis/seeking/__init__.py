@@ -1,1 +1,1 @@
-"""Where to look: what each effect could explain of what a hypothesis leaves."""
+"""Proposes effects to add: how much of a model's residual each could explain."""

@@ -1,4 +1,4 @@
-"""Steps and lost commands: effects that no slope leads to, found by what they repeat.
+"""Quantisation steps and lost commands: no gradient leads to them; found by their period.
 
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
 the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try. The

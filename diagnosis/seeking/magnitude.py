@@ -1,4 +1,4 @@
-"""How strong an effect is, as one number: what a limit is given in, and what may be scaled."""
+"""The strength of an effect as one number, in which detection limits are given."""
 
 import math
 from collections.abc import Mapping

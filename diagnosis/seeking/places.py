@@ -1,4 +1,4 @@
-"""What may still be added to a device: every effect at every place, over its magnitudes."""
+"""Effects that may still be added to a device: each at every place and magnitude."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Whether there is play, by a scan of its width: no fit, a fraction of a second a link.
+"""Whether there is play, by a scan of its width: no fit, a fraction of a second per link.
 
 An effect whose fit ends in the valley where it begins (`Parameter.valleys`: play) has no useful
 slope: a gap that is a tenth too wide meets its sides at other times. So a hypothesis is held

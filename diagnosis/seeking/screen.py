@@ -1,4 +1,4 @@
-"""How much of what is left could each effect explain? One prediction a start, no fit.
+"""How much of the residual could each effect explain? One prediction per start, no fit.
 
 With r the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of an
 effect switched on at a start, the best that effect and refit can do together at that magnitude is,

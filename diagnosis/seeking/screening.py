@@ -1,4 +1,4 @@
-"""How much of what is left could each effect explain? One prediction a start, no fit.
+"""Screens a model's candidates: view of its residual, and scores of all starts (`screen`).
 
 With r the weighed residual of a hypothesis, J its slopes and s = r_c - r the signature of an
 effect switched on at a start, the best that effect and parameters can do together at that magnitude

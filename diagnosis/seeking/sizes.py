@@ -1,4 +1,4 @@
-"""What recordings move by: the sizes with which effects say where to seek them."""
+"""Typical amplitudes in the recordings; they set the magnitudes at which effects are tried."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""What is believed, and why: one cost for every hypothesis."""
+"""Selects the model: one cost (likelihood plus prior) compares all hypotheses."""

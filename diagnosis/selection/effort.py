@@ -1,4 +1,4 @@
-"""How much a search may try: nothing that is believed depends on it by name."""
+"""How much a search may try."""
 
 from dataclasses import dataclass
 from typing import ClassVar

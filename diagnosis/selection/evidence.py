@@ -1,4 +1,4 @@
-"""All that decides what is believed.
+"""The quantities that decide between hypotheses.
 
 A hypothesis H is a structure S (which effects, where), their parameters theta and a model of the
 noise. It costs

@@ -1,4 +1,4 @@
-"""A hypothesis is whole: a structure, its parameters, a model of the noise, and what they cost."""
+"""A hypothesis: a structure, its parameters, a noise model, and their cost."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Moves: from a hypothesis to others that are worth a fit. They decide nothing."""
+"""Moves: propose neighbours of a hypothesis that are worth a fit. The cost decides, not they."""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a search found, as the rest of a diagnosis reads it.
+"""The result of a search, as later stages of the diagnosis use it.
 
 Where the family of noise models holds the truth, the next sample says all that a recording can say,
 and what costs least there is the answer. Whether it does is asked (`answer.adequacy`): free runs of

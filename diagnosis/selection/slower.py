@@ -1,4 +1,4 @@
-"""What hypotheses cost over a longer horizon, beside what they cost in the next sample.
+"""Costs of hypotheses over a longer prediction horizon than one sample.
 
 Where no model is true the next sample is the worst judge: a lag, a limit of rate and a further mass
 explain more of it than the friction that moves the machine, and friction, which they have driven

@@ -118,7 +118,7 @@ def no_bounds(_: Sizes, __: Place) -> Bounds:
 
 
 def rms_command(sizes: Sizes, _: Place) -> float:
-    """Return the force that a recording moves by."""
+    """Return the rms of the command of a recording."""
     return sizes.force
 
 
@@ -255,7 +255,7 @@ class Effect:
         return none is None or bool(np.any(np.not_equal(values[self.strength or ""], none)))
 
     def prior_at(self, place: Place) -> float:
-        """Return how likely a device has it at a place."""
+        """Return the prior probability that a device has this effect at a place."""
         first = self.places[0] == str(place)
         return self.prior if first or self.elsewhere is None else self.elsewhere
 

@@ -145,7 +145,7 @@ def points_of(
 
 
 def is_table(parameters: Sequence[Parameter]) -> bool:
-    """Whether an effect is a law of this kind."""
+    """Whether an effect is a law given as a table over one state."""
     return any(p.name == AT[0] for p in parameters)
 
 

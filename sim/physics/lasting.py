@@ -31,7 +31,7 @@ class Lasting:
         return not self.reads or place.kind != "velocity" or z.rates_beside
 
     def starts(self, z: Sizes, place: Place) -> Iterator[Scaled]:
-        """Yield values and steps to begin a fit with."""
+        """Yield the starting values and step sizes of a fit."""
         if self.asked(z, place):
             for ticks in self.begun:
                 yield self._scaled(ticks * z.period, z)

@@ -16,17 +16,18 @@ def check(
     model: str | PathLike[str] | None = None,
     joint: str | None = None,
 ) -> Check:
-    """Say whether a device is still true of its machine, and what changed where it is not.
+    """Say whether a device still predicts its machine, and if not, what changed.
 
     device: a Device with a band, as `diagnose(...).device`, or the file of one
-    (NAME.augmented.toml). recordings: as `diagnose` takes them. model: an MJCF or URDF model of the
-    robot, which MuJoCo runs instead of the device, against the device's band; joint: the one in it.
-    Without a model joint is the one to take of recordings with several.
+    (NAME.augmented.toml). recordings: as for `diagnose`. model: an MJCF or URDF model of the
+    robot; MuJoCo then simulates this model instead of the device, and its errors are compared with
+    the device's band. joint: the joint of the model or, without a model, the joint to take from
+    recordings with several.
 
-    `found.within` is the answer and `found.sentence` says it; parameters of the device are refitted
-    where a recording is outside, and nothing is searched. Takes seconds. Raises ValueError with one
-    sentence for a device without a band, for recordings that are no use with it, and for a model
-    without its joint.
+    The result's `within` is the answer, its `sentence` says it in words. Where a recording is
+    outside the band, the device's parameters are refitted; no new effects are searched for. Takes
+    seconds. Raises ValueError with one sentence for a device without a band, for recordings that
+    cannot be used with it, and for a model without a joint.
     """
     known = device_of(device)
     of_recordings = joint if model is None else None

@@ -22,7 +22,7 @@ def diagnose_joints(
     effort: Literal["quick", "normal", "thorough"] = "normal",
     say: Callable[[str], None] | None = None,
 ) -> JointAnswers:
-    """Say for each joint of a recording what physics is missing in it, as `diagnose` does for one.
+    """Say for each joint of a recording what physics its simulation lacks, as `diagnose` for one.
 
     recording: the path of a file with several joints, as of a robot, or a table: a data frame, a
     dict of arrays (samples,), an array (samples, signals). Joints that stand still are left out.

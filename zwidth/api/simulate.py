@@ -26,10 +26,10 @@ def simulate(
     ledger: bool = False,
     fine: bool = False,
 ) -> Run:
-    """Run a device under a controller, or a scenario as it stands.
+    """Run a device under a controller, or run a Scenario.
 
-    device: a Device, the name of a shipped one, a device file; or a Scenario, which says all the
-    rest. controller: of `wall`, `texture`, `region`,
+    device: a Device, the name of a shipped one, a device file; or a Scenario, which
+    contains all other settings. controller: of `wall`, `texture`, `region`,
     `guarded`, `recorded`, `none` or your own; None for none. duration [s]: by
     default that of a recorded command, else 4 s. start: by default at rest, under a wall displaced
     by 1e-3 [rad | m], or nothing would move. disturbance: forces [N m | N], shape (ticks,) on m1 or

@@ -1,4 +1,4 @@
-"""What a fleet's parameters are: each recording's own value, what is pooled, what is unlike."""
+"""Parameters of a fleet: each recording's value, the pooled value, and the odd recordings."""
 
 import math
 from collections.abc import Sequence
@@ -67,15 +67,15 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
     low, high = s.center.value - NEAR * wide, s.center.value + NEAR * wide
     low = min(low, float(y[~odd].min(initial=low)))
     shown = np.clip(y, low, high)
-    # Error bars of hundreds of recordings are a grey mass: told only where there are few.
+    # Error bars of hundreds of recordings merge into a grey area: drawn only for few recordings.
     bars = np.where(np.isfinite(error), 1.96 * error, 0.0)
     changed = {c.device for c in fleet.changes if c.parameter == name}
     drifts = np.array([m.listed.device in changed for m in members]) & ~odd
     deviation = math.hypot(s.tau_device, s.tau_run)
     for which, color, label, marker in (
         (~odd & ~drifts, SOUND, "a recording, 95 %", "o"),
-        (drifts, CHANGED, "of a device that changed", "D"),
-        (odd, ODD, "unlike the others (at the edge: beyond)", "x"),
+        (drifts, CHANGED, "a device that changed", "D"),
+        (odd, ODD, "unlike the others (at the edge: off the scale)", "x"),
     ):
         if not np.any(which):
             continue
@@ -104,7 +104,7 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
 
 
 def _beside(members: Sequence[Member]) -> list[Any]:
-    """The dates, those of different devices a little apart, so that none hides another."""
+    """The dates, shifted a little for each device, so that no point hides another."""
     days = sorted({m.listed.date for m in members if m.listed.date is not None})
     gaps = [b - a for a, b in pairwise(days)]
     room = 0.5 * min(gaps) if gaps else timedelta(days=1)
@@ -117,7 +117,7 @@ def _beside(members: Sequence[Member]) -> list[Any]:
 
 
 def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
-    """Each recording's value of a parameter, brought to the mean of what it goes with."""
+    """Each recording's value of a parameter, converted to the mean of what it follows."""
     place = list(fleet.names).index(name)
     values = np.array([float(m.quick.values[place]) for m in members])
     for column, slope in fleet.spreads[name].slopes.items():
@@ -129,6 +129,6 @@ def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
 def _title(fleet: Fleet, name: str) -> str:
     s = fleet.spreads[name]
     levels = [word for has, word in ((s.per_device, "per device"), (s.per_run, "per run")) if has]
-    levels += [f"follows {column}, drawn at its mean" for column in s.slopes]
+    levels += [f"follows {column}; drawn for its mean" for column in s.slopes]
     words = in_words(name).rstrip(",")
     return f"{words}: {', '.join(levels) or 'shared by all'}"

@@ -34,7 +34,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         if asked.size:  # of a free motion none is known
             axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=3.2, rasterized=True,
-                      label=f"the force that each sample needs{beyond}")  # fmt: skip
+                      label=f"force needed at each sample{beyond}")  # fmt: skip
         for side in (whole.states < 0.0, whole.states > 0.0):
             if not side.any():
                 continue

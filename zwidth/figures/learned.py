@@ -51,7 +51,7 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
             above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
                        label=fill(f"{like.form.name}: {law.formula}", WIDE))  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
-        above.set_title(f"What follows {curve.over} at {curve.physics.at} and has no name")
+        above.set_title(f"Unnamed law over {curve.over} at {curve.physics.at}")
         figure.legend(loc="outside lower center", ncols=1)
         below.hist(x * seen, bins=BINS, color="0.6")
         below.set_ylabel("samples")
@@ -81,7 +81,7 @@ def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
     if not states.size:  # of a free motion none is known
         return
     axes.plot(x * states, y * forces, ".", color=SAMPLES, markersize=1.6, rasterized=True,
-              label="with the force that each sample needs beyond it")  # fmt: skip
+              label="law plus the force still missing, per sample")  # fmt: skip
 
 
 def _points(axes: Axes, law: LearnedLaw, s: Floats, x: float, y: float) -> None:
@@ -93,7 +93,7 @@ def _points(axes: Axes, law: LearnedLaw, s: Floats, x: float, y: float) -> None:
         axes.errorbar(
             x * sign * curve.states[there], y * sign * curve.forces[there], y * half[there],
             fmt="o", color=CURVE, markersize=3.5, linewidth=1.0, capsize=2.0,
-            label="its points, 95 %" if sign > 0.0 else None,
+            label="points of the table, 95 %" if sign > 0.0 else None,
         )  # fmt: skip
 
 

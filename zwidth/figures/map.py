@@ -45,14 +45,14 @@ def axis_label(plane: Plane, quantity: str) -> str:
 
 
 def map_figure(result: FateMap, title: str | None = None) -> Figure:
-    """Draw fates, and the force of the oscillation that stays."""
+    """Draw how runs end, and the force of the oscillation that remains."""
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     lines = describing_lines(result.plane)
     draw_fates(left, result, lines)
     _draw_force(figure, right, result)
-    left.set_title("what a run does in the end", fontsize=10)
-    right.set_title("force of what stays", fontsize=10)
+    left.set_title("how a run ends", fontsize=10)
+    right.set_title("force of the remaining oscillation", fontsize=10)
     figure.suptitle(title or _title(result.plane), fontsize=11)
     handles = legend([result], lines)
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
