@@ -172,24 +172,24 @@ def test_pages_for_users_stay_few():
 # A figure that several pages give: where, and what stands about it. All must be the same number.
 SAME: dict[str, tuple[tuple[str, str], ...]] = {
     "recordings of the set": (
-        ("README.md", r"On (\d+) simulated recordings"),
+        ("README.md", r"tested on (\d+) simulated recordings"),
         ("docs/evidence.md", r"(\d+) recordings \(seeds"),
     ),
     "nothing hidden, nothing claimed": (
-        ("README.md", r"was hidden \((\d+) of"),
+        ("README.md", r"claimed nothing \((\d+) of"),
         ("docs/evidence.md", r"\| nothing \| (\d+) \|"),
     ),
     "answers called identified": (
-        ("README.md", r"of (\d+) answers called"),
-        ("docs/evidence.md", r"claimed or missed \| 0 of (\d+)"),
+        ("README.md", r"None of its (\d+) answers"),
+        ("docs/evidence.md", r"wrong or missed \| 0 of (\d+)"),
     ),
     "recordings that an earlier search never saw": (
-        ("README.md", r"on (\d+) that an earlier"),
-        ("docs/evidence.md", r"(?m)^(\d+) recordings, in random order"),
+        ("README.md", r"on (\d+) new ones"),
+        ("docs/evidence.md", r"(?m)^(\d+) recordings of seed"),
     ),
     "of its answers called identified": (
-        ("README.md", r"one of (\d+) was wrong"),
-        ("docs/evidence.md", r"and wrong \| 1 of (\d+)"),
+        ("README.md", r"wrong in one of (\d+) such"),
+        ("docs/evidence.md", r"but wrong \| 1 of (\d+)"),
     ),
 }
 

@@ -49,7 +49,7 @@ def test_the_pages_are_up_to_date(maker: ModuleType):
 def test_every_key_that_is_read_is_declared_and_no_other():
     """Mutation: a key added to a reader alone."""
     of = {t: {k.name for k in DEVICE_KEYS if k.table == t} for t in {k.table for k in DEVICE_KEYS}}
-    tables = {"modal", "chain", "interface", "drive", "uncertainty", "band", "physics"}
+    tables = {"modal", "chain", "interface", "drive", "uncertainty", "band", "posterior", "physics"}
     assert of[""] == set(device_file.TOP_KEYS) - tables
     assert of["chain"] == set(device_file.CHAIN_KEYS)
     assert of["modal"] == {key for keys in device_file.MODAL_KEYS.values() for key in keys}
@@ -57,6 +57,7 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["interface"] == set(device_file.INTERFACE_KEYS)
     assert of["band"] == set(device_file.BAND_KEYS)
     assert of["band.output"] == set(device_file.BAND_OUTPUT_KEYS)
+    assert of["posterior"] == set(device_file.POSTERIOR_KEYS)
     assert of["uncertainty"] == set(UNCERTAINTY_FIELDS)
     numbers = {key for keys in (*NEEDED.values(), *POSSIBLE.values()) for key in keys}
     assert of["drive"] == {"kind", *numbers}
