@@ -23,7 +23,7 @@ from zwidth.diagnosis.answer.whole_run import simulated
 from zwidth.diagnosis.fitting.uncertainty import covariance
 from zwidth.diagnosis.intake.gate import oddities
 from zwidth.diagnosis.model.own_values import first_x
-from zwidth.diagnosis.model.parameters import Model, Parameter
+from zwidth.diagnosis.model.parameters import Model, Parameter, nominal_of
 from zwidth.diagnosis.noise.predictor import free_run_errors, window
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -116,19 +116,8 @@ def physical(model: Model, x: Floats) -> tuple[Floats, Floats]:
 
 
 def _physical(model: Model, p: Parameter, x: float) -> tuple[float, float]:
-    nominal = _nominal(model, p)
+    nominal = nominal_of(model, p)
     return p.value(nominal, x), p.slope(nominal, x)
-
-
-def _nominal(model: Model, p: Parameter) -> float:
-    chain = model.nominal.chain
-    if p.kind == "effect":
-        return model.effects[p.index].values[p.key]
-    if p.kind == "k0":
-        return chain.ground_spring
-    arrays = {"mass": chain.masses, "spring": chain.link_springs,
-              "damper": chain.ground_dampers, "link": chain.link_dampers}  # fmt: skip
-    return float(arrays[p.kind][p.index])
 
 
 def run(task: Task) -> list[Quick]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import covariance
-from zwidth.diagnosis.model.parameters import Parameter, chain_values
+from zwidth.diagnosis.model.parameters import Parameter, nominal_of
 from zwidth.sim.device import Device, home, place_label
 from zwidth.sim.named import numbers_of_device
 from zwidth.sim.posterior import Posterior
@@ -28,7 +28,7 @@ def with_posterior(device: Device, final: Fitted) -> Device:
         if not np.isfinite(spread[i, i]) or (name := _name(final, p)) not in known:
             continue
         way = ways.setdefault(name, np.zeros(final.x.size))
-        way[i] += p.slope(_nominal(final, p), float(final.x[i]))
+        way[i] += p.slope(nominal_of(final.model, p), float(final.x[i]))
     names = list(ways)
     slopes = np.array([ways[name] for name in names]).reshape(len(names), final.x.size)
     used = np.any(slopes != 0.0, axis=0)
@@ -56,12 +56,3 @@ def _name(final: Fitted, p: Parameter) -> str:
     if physics.effect.in_interface is not None:
         return f"interface.{physics.effect.in_interface}"
     return "k0" if home(physics) is not None else f"{place_label(physics)}.{p.key}"
-
-
-def _nominal(final: Fitted, p: Parameter) -> float:
-    model = final.model
-    if p.kind == "effect":
-        return model.effects[p.index].values[p.key]
-    if p.kind == "gain":
-        return model.nominal.interface.command_gain
-    return chain_values(model.nominal.chain)[p.name]

@@ -702,6 +702,15 @@ def chain_values(chain: Chain) -> dict[str, float]:
     return found | {"k0": float(chain.ground_spring)}
 
 
+def nominal_of(model: Model, p: Parameter) -> float:
+    """Return the device file's value of a parameter of the device: of its chain, gain or effect."""
+    if p.kind == "effect":
+        return model.effects[p.index].values[p.key]
+    if p.kind == "gain":
+        return model.nominal.interface.command_gain
+    return chain_values(model.nominal.chain)[p.name]
+
+
 def values_of(model: Model, x: Floats) -> dict[str, float]:
     """Return the physical value of each linear parameter by name; origins in rms motions."""
     told = chain_values(model.build(x).chain)  # with what an effect adds to it
