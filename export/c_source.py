@@ -14,7 +14,7 @@ from zwidth.export.tick import moved, reading, sent
 from zwidth.export.translate import Array, Translator, Untranslatable, Value, literal
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
-from zwidth.sim.kernel import LOCKED, MAX_MASSES, SCALARS, Memory
+from zwidth.sim.kernel import LOCKED, MAX_MASSES, PLAYED, SCALARS, Memory
 from zwidth.sim.run import prepare
 
 HELPERS = {
@@ -46,6 +46,7 @@ class _Scratch(NamedTuple):
     own: Array
     more: Array
     shares: Array
+    play: Array
     choice: Array | None = None
 
 
@@ -179,7 +180,7 @@ def _matrix(eq: Equations, name: str) -> str:
         inner = (",\n" + " " * (depth + 1)).join(nested(v, depth + 1) for v in values)
         return "{" + inner + "}"
 
-    title = "/* Propagators of a substep: segment, locked masses, block of rows, column, row. */"
+    title = "/* Propagators of a substep: segment, locked masses and open links, block of rows, column, row. */"
     return f"{title}\nstatic const double {name}_P{sizes} =\n{nested(p, 0)};\n"
 
 
@@ -210,8 +211,8 @@ def _functions(eq: Equations, name: str) -> list[str]:
         "before": (_room(eq),), "values": (eq.forces.codes.size,),
         "ahead": (eq.forces.codes.size,), "after": (eq.forces.codes.size,),
         "friction": (MAX_MASSES,), "limits": (LOCKED + 1, MAX_MASSES),
-        "own": (LOCKED + 1, MAX_MASSES), "more": (MAX_MASSES,),
-        "shares": (eq.frictions.codes.size, 2),
+        "own": (PLAYED + 1, MAX_MASSES), "more": (MAX_MASSES,),
+        "shares": (eq.frictions.codes.size, 2), "play": (eq.gaps.size, 2),
     }  # fmt: skip
     room = {n: Array(n, shape) for n, shape in arrays.items()}
     external = np.zeros(0)
@@ -222,13 +223,14 @@ def _functions(eq: Equations, name: str) -> list[str]:
         "ahead": (forces,),
         "after": (forces,),
         "shares": (frictions, 2),
+        "play": (max(1, eq.gaps.size), 2),
     }
     for one, shape in arrays.items():
         sizes = "".join(f"[{n}]" for n in lengths.get(one, shape))
         zero = "{{0.0}}" if len(shape) > 1 else "{0.0}"
         step.emit(f"double {one}{sizes} = {zero};")
     step.emit("/* The same names belong to the source in sim/kernel.py. */")
-    for unused in ("values", "ahead", "after", "friction", "limits", "own", "more", "shares"):
+    for unused in ("values", "ahead", "after", "friction", "limits", "own", "more", "shares", "play"):
         step.emit(f"(void){unused};")
     step.emit(f"const double measured = {name}_read(s);")
     told = step.call(sent, eq, Value("s->tick", "i"), x, Value("command"), Value("s->command"))

@@ -3,7 +3,8 @@
 One tick has two segments, because a delay of d T + r changes the held command inside the tick:
 segment 0 is [kT, kT + r) under the command of tick k - d - 1, segment 1 is [kT + r, (k + 1) T)
 under that of tick k - d. Each segment is cut into equal substeps with a propagator of its own, and
-where there is dry friction, with one propagator for every set of masses that may be locked.
+where there is dry friction or play, with one propagator for every set of masses that may be locked
+and every set of links that may carry nothing.
 
 With w = [x; held command; f_1..f_n], a substep is x' = P w. An energy entry integral of
 (a.w)(b.w) dt over the substep is the quadratic form w' S w with S from Van Loan (IEEE T. Automatic
@@ -24,15 +25,17 @@ from zwidth.sim.device import MASSLESS, Device
 from zwidth.sim.exponential import SPACES, held_motion_alone
 from zwidth.sim.force_sensor import force_row
 from zwidth.sim.interface import Interface
+from zwidth.sim.physics.backlash import backlash
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import GROUND
-from zwidth.sim.plant import Plant, behind, hold, locked
+from zwidth.sim.plant import Link, Plant, behind, hold, locked, opened
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 REMEMBERED = 512  # propagators
 SPARED = 0.01  # of a substep, that a device may become faster
 LANES = 8  # width of a block of rows in a propagator: one vector register of doubles
+BACKLASH = backlash.code
 HOOKS = ("force", "friction", "sensor", "command", "clock")  # those that have a table
 
 
@@ -53,8 +56,10 @@ class EffectTable(NamedTuple):
 class Equations(NamedTuple):
     """Everything the kernel knows of a device; arrays and numbers only.
 
-    propagators (2 segments, locked sets, row blocks, columns, 8); quadratics (2, locked sets,
-    entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
+    propagators (2 segments, sets, row blocks, columns, 8), a set's number being that of the links
+    with play that carry nothing (bits, in the order of `gaps`) plus 2^gaps times that of the locked
+    masses; quadratics (2, sets, entries, columns, columns), no entries without a ledger; gaps:
+    which forces are play; reaction (n, columns): the force on a
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
     looped: whether a loop on the position is among the linear part; command_rate: what a command
     changes by in a tick at most.
@@ -78,6 +83,7 @@ class Equations(NamedTuple):
     springs: Ints
     spring_stiffness: Floats
     forces: EffectTable
+    gaps: Ints
     frictions: EffectTable
     bounds_vary: bool
     sensors: EffectTable
@@ -121,6 +127,7 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
     moves = mechanism(
         Linear(plant),
         tuple(np.unique(bare.frictions.first)),
+        _links_with_play(bare.forces, bare.gaps),
         bare.period,
         tuple(bare.substeps),
         tuple(bare.durations),
@@ -164,6 +171,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         springs=np.zeros((0, 2), dtype=np.int64),
         spring_stiffness=np.zeros(0),
         forces=table["force"],
+        gaps=np.flatnonzero(table["force"].codes == BACKLASH),
         frictions=table["friction"],
         bounds_vary=any(p.effect.varies_with_speed for p in device.physics),
         sensors=table["sensor"],
@@ -275,6 +283,7 @@ class Linear:
 def mechanism(
     linear: Linear,
     dry: tuple[int, ...],
+    play: tuple[Link, ...],
     period: float,
     counts: tuple[int, ...],
     durations: tuple[float, ...],
@@ -294,19 +303,29 @@ def mechanism(
     ]
     grounded = stiffness.sum(axis=1)
     grounds = [i for i in range(plant.dof) if abs(grounded[i]) > 1e-14 * stiffness[i, i]]
-    held = [[locked(plant, s) for s in sets]] * len(durations)
+    open_sets = [[play[g] for g in one] for one in locked_sets(len(play))]
+    each = [locked(opened(plant, links), s) for s in sets for links in open_sets]
+    held = [each] * len(durations)
     return Mechanism(
         np.stack(
             [[propagator(one, h) for one in row] for row, h in zip(held, durations, strict=True)]
         ),
         np.stack(
             [
-                [ledger_forms(one, h, ledger) for one in row]
+                [ledger_forms(plant, one, h, ledger) for one in row]
                 for row, h in zip(held, durations, strict=True)
             ]
         ),
         np.array([*springs, *((i, -1) for i in grounds)], dtype=np.int64).reshape(-1, 2),
         np.array([*(-stiffness[i, j] for i, j in springs), *(grounded[i] for i in grounds)]),
+    )
+
+
+def _links_with_play(forces: EffectTable, gaps: Ints) -> tuple[Link, ...]:
+    """Return masses, spring and damper of each link with play."""
+    return tuple(
+        (int(forces.first[e]), int(forces.second[e]), *forces.parameters[e, 1:3].tolist())
+        for e in gaps
     )
 
 
@@ -400,29 +419,36 @@ def _of(device: Device, hook: str) -> list[Physics]:
     return [p for p in device.physics if p.effect.hook == hook]
 
 
-def _dampers(plant: Plant) -> list[tuple[str, float, Floats]]:
-    """Name, coefficient and row on x of the velocity across each damper, from the matrix C."""
+def _dampers(plant: Plant, now: Plant | None = None) -> list[tuple[str, float, Floats]]:
+    """Name, coefficient and row on x of the velocity across each damper, from the matrix C.
+
+    now: the plant while some links carry nothing, whose coefficients count.
+    """
     n, c = plant.dof, plant.matrices.damping
+    acting = c if now is None else now.matrices.damping
     found: list[tuple[str, float, Floats]] = []
     for i in range(n):
         if plant.matrices.mass[i, i] <= 2.0 * MASSLESS * plant.matrices.mass[0, 0]:
             continue
         row = np.zeros(plant.size)
         row[n + i] = 1.0
-        found.append((f"b{i + 1}", float(c[i].sum()), row))
+        found.append((f"b{i + 1}", float(acting[i].sum()), row))
     for i, j in itertools.combinations(range(n), 2):
         if c[i, j] != 0.0:
             row = np.zeros(plant.size)
             row[n + i], row[n + j] = 1.0, -1.0
-            found.append((f"b{i + 1}{j + 1}", float(-c[i, j]), row))
+            found.append((f"b{i + 1}{j + 1}", float(-acting[i, j]), row))
     return found
 
 
-def ledger_forms(plant: Plant, duration: float, wanted: bool) -> Floats:
-    """Return the forms S of motor, amplifier's lag, each damper: (entries, columns, columns)."""
+def ledger_forms(whole: Plant, plant: Plant, duration: float, wanted: bool) -> Floats:
+    """Return the forms S of motor, amplifier's lag, each damper: (entries, columns, columns).
+
+    Of the whole plant, as it moves while some masses or links do not count.
+    """
     size = plant.size + 1 + plant.dof
     if not wanted or duration == 0.0:
-        entries = 2 + len(_dampers(plant)) if wanted else 0
+        entries = 2 + len(_dampers(whole)) if wanted else 0
         return np.zeros((entries, size, size))
     generator = np.zeros((size, size))
     generator[: plant.size] = np.hstack([plant.a, plant.b])
@@ -431,7 +457,7 @@ def ledger_forms(plant: Plant, duration: float, wanted: bool) -> Floats:
     held[plant.size] = 1.0
     applied[plant.size - 1 if plant.lag > 0.0 else plant.size] = 1.0
     pairs = [(applied, velocity), (held - applied, velocity)]
-    for _, coefficient, row in _dampers(plant):
+    for _, coefficient, row in _dampers(whole, plant):
         full = np.concatenate([row, np.zeros(size - plant.size)])
         pairs.append((coefficient * full, full))
     return np.stack([_van_loan(generator, a, b, duration) for a, b in pairs])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from zwidth.sim.device import Device
 from zwidth.sim.equations import EffectTable, Equations, frame, too_few_substeps
 from zwidth.sim.jit import INLINED, part
-from zwidth.sim.kernel import LOCKED, MAX_COLUMNS, MAX_MASSES, Memory, Scratch
+from zwidth.sim.kernel import LOCKED, MAX_COLUMNS, MAX_MASSES, PLAYED, Memory, Scratch
 from zwidth.sim.lane_type import WIDTH, as_lanes, lanes_of
 from zwidth.sim.plant import Plant
 from zwidth.sim.propagation import Choice, lane_choice
@@ -140,7 +140,7 @@ def group(members: Stack, chosen: NDArray[np.int64]) -> Group:
         return all_of._replace(parameters=lanes_at(all_of.parameters, chosen))
 
     dry = own.frictions.first
-    sets = 2 ** (1 + int(dry.max())) if dry.size else 1
+    sets = 2 ** (own.gaps.size + (1 + int(dry.max()) if dry.size else 0))
     room, now = lane_choice(lanes_at(members.a, chosen), lanes_at(members.b, chosen), sets)
     numbers = {name: lanes_at(getattr(own, name), chosen) for name in NUMBERS}
     eq = own._replace(propagators=now, **numbers, **{name: table(name) for name in TABLES})
@@ -155,8 +155,8 @@ def _scratch(eq: Equations, room: Choice) -> Scratch:
 
     return Scratch(
         zeros(MAX_COLUMNS), zeros(forces), zeros(forces), zeros(forces), zeros(MAX_MASSES),
-        zeros(LOCKED + 1, MAX_MASSES), zeros(LOCKED + 1, MAX_MASSES), zeros(MAX_MASSES),
-        zeros(frictions, 2), room,
+        zeros(LOCKED + 1, MAX_MASSES), zeros(PLAYED + 1, MAX_MASSES), zeros(MAX_MASSES),
+        zeros(frictions, 2), zeros(eq.gaps.size, 2), room,
     )  # fmt: skip
 
 
@@ -192,7 +192,7 @@ def lane_equations(eq):
     return Equations(
         eq.dof, eq.states, eq.columns, eq.lagging, eq.substeps, as_lanes(eq.durations),
         as_lanes(eq.propagators), eq.quadratics, as_lanes(eq.reaction), as_lanes(eq.masses),
-        eq.springs, eq.spring_stiffness, lane_table(eq.forces), lane_table(eq.frictions),
+        eq.springs, eq.spring_stiffness, lane_table(eq.forces), eq.gaps, lane_table(eq.frictions),
         eq.bounds_vary, lane_table(eq.sensors), lane_table(eq.amplifiers), lane_table(eq.clocks),
         eq.whole_delay, eq.period, eq.estimator, eq.window, as_lanes(eq.estimating), eq.rate,
         lanes_of(eq.smoothing), as_lanes(eq.filter),
@@ -222,6 +222,7 @@ def lane_scratch(scratch):
         as_lanes(scratch.before), as_lanes(scratch.values), as_lanes(scratch.ahead),
         as_lanes(scratch.after), as_lanes(scratch.friction), as_lanes(scratch.limits),
         as_lanes(scratch.own), as_lanes(scratch.more), as_lanes(scratch.shares),
+        as_lanes(scratch.play),
         Choice(
             as_lanes(room.every), room.made, as_lanes(room.sets), as_lanes(room.a),
             as_lanes(room.b), as_lanes(room.locked_a), as_lanes(room.locked_b),

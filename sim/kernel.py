@@ -19,7 +19,8 @@ second order. Dry friction is held too, at the force that stops the mass or at i
 is less (a bound that varies with speed is taken as the mean of both ends), and where the mass turns
 inside the substep at the mean of before and after, which is third order (`turn`); a mass at rest
 whose load stays within the sticking bounds is locked, with a propagator of its own, and does not
-move at all. All forces being held, the work of each is force times
+move at all. A link with play that carries nothing has a propagator without it, and where it opens
+or shuts inside the substep, it is held at a mean of third order too (`open_and_shut`). All forces being held, the work of each is force times
 displacement, and the ledger closes to rounding.
 
 Every part is written once, for one run and for many side by side (`sim/lane_type.py`): numbers are
@@ -39,6 +40,7 @@ from zwidth.sim.estimators.difference import DIFFERENCE
 from zwidth.sim.estimators.dispatch import slope_of
 from zwidth.sim.jit import jit, part
 from zwidth.sim.lane_type import any_lane, greatest, least, root, select
+from zwidth.sim.physics.backlash import is_hit, lets_go, pushed_side
 from zwidth.sim.physics.command_step import quantise_command
 from zwidth.sim.physics.dispatch import (
     INTEGRAL,
@@ -65,8 +67,10 @@ MAX_SWEEPS = 200
 # Of scalars; EARLIER to GIVEN only where the interface has several rates or a second-order filter.
 READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, BEGAN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
-# Rows of `turn`'s own: by how much a mass is off where it is, s f_0, and work left to be booked.
-OFF, SOONER, LEFT = 2, 3, 3
+# Rows of `turn`'s own: by how much a mass is off where it is, s f_0, and work left to be booked;
+# then by how much it is off after play (`open_and_shut`).
+OFF, SOONER, LEFT, PLAYED = 2, 3, 3, 5
+SIDE, PIN = 0, 1  # of play: side that the link pushes on as a substep begins, pin as it ends
 
 
 class Memory(NamedTuple):
@@ -94,9 +98,10 @@ class Scratch(NamedTuple):
 
     before (32,): states and inputs at its start; values, ahead (force effects,): smooth forces at
     its start (afterwards those held over it) and at its predicted end; after: internal states
-    there; friction (10,) dry forces held; limits, own (5, 10): rows LOWER to LOCKED, of the masses
-    and of what `turn` may add; more (10,) what it adds; shares (dry forces, 2): what each adds to
-    lower and upper; choice: the propagators at work (`sim/propagation.py`).
+    there; friction (10,) dry forces held; limits, own (5, 10), (6, 10): rows LOWER to LOCKED, of
+    the masses and of what `turn` may add; more (10,) what it adds; shares (dry forces, 2): what
+    each adds to lower and upper; play (gaps, 2): SIDE and PIN; choice: the propagators at work
+    (`sim/propagation.py`).
     """
 
     before: Floats
@@ -108,6 +113,7 @@ class Scratch(NamedTuple):
     own: Floats
     more: Floats
     shares: Floats
+    play: Floats
     choice: Choice
 
 
@@ -392,33 +398,101 @@ def turn(p, h, dof, states, limits, friction, x0, x, own, more):
 
 
 @part
-def placed(eq, x, own):
-    """Put masses that turned inside the last substep where they are, in place (`turn`)."""
-    if eq.frictions.codes.size > 0:
-        for i in range(eq.dof):
-            if any_lane(own[OFF, i] != 0.0):
-                x[i] = x[i] + own[OFF, i]
-                own[OFF, i] = 0.0 * own[OFF, i]
+def let_go(eq, values, w, play):
+    """Open the links with play that carry nothing as a substep begins: their set, and the next bit.
+
+    What is taken from them is no force then, but a propagator without them.
+    """
+    links = 0.0
+    bit = 1.0
+    for g in range(eq.gaps.size):
+        e = eq.gaps[g]
+        i, j = eq.forces.first[e], eq.forces.second[e]
+        q, v = across(w, 0, i, j), across(w, eq.dof, i, j)
+        side = pushed_side(q, v, play[g, PIN], eq.forces.parameters[e])
+        shut = side != 0.0
+        values[e] = select(shut, values[e], 0.0)
+        play[g, SIDE] = side
+        links += select(shut, 0.0, bit)
+        bit *= 2.0
+    return links, bit
 
 
 @part
-def place_booked(eq, w, x, own):
-    """Do the same, and note what of the springs' energy no held force w brought: the friction's.
+def open_and_shut(eq, p, h, x0, x1, pins, values, own, play):
+    """Hold what links with play take at its mean, where one opens or shuts in the substep.
 
-    It is of third order, and stands in `own` for `share_friction`.
+    From x_0 to x_1, where it would be if none did (`lets_go`, `is_hit`); a push that began late
+    moved the masses less than the same held throughout, by which they are off afterwards.
+    """
+    for i in range(eq.dof):
+        own[PLAYED, i] = 0.0
+    for g in range(eq.gaps.size):
+        e = eq.gaps[g]
+        i, j = eq.forces.first[e], eq.forces.second[e]
+        q0, v0 = across(x0, 0, i, j), across(x0, eq.dof, i, j)
+        q1, v1 = across(x1, 0, i, j), across(x1, eq.dof, i, j)
+        numbers = eq.forces.parameters[e]
+        side = play[g, SIDE]
+        shut = side != 0.0
+        first, second = eq.states + 1 + i, eq.states + 1 + j
+        yields = (entry(p, eq.dof + i, first) + entry(p, eq.dof + j, second)) / h
+        taken, pin = lets_go(q0, v0, q1, v1, h, side, numbers)
+        pushed, late, end = is_hit(q0, v0, pins[e], q1, v1, h, yields, numbers)
+        values[e] = select(shut, taken, pushed)
+        play[g, PIN] = select(shut, pin, end)
+        late = select(shut, 0.0, late)
+        own[PLAYED, i] += entry(p, i, first) * late
+        own[PLAYED, j] -= entry(p, j, second) * late
+
+
+@part
+def placed(eq, x, own):
+    """Put masses where they are that turned, or were hit, inside the last substep, in place."""
+    for row in (OFF, PLAYED):
+        if (eq.frictions.codes.size if row == OFF else eq.gaps.size) > 0:
+            for i in range(eq.dof):
+                if any_lane(own[row, i] != 0.0):
+                    x[i] = x[i] + own[row, i]
+                    own[row, i] = 0.0 * own[row, i]
+
+
+@part
+def place_booked(eq, members, w, x, own, row):
+    """Do the same of one row, and return what of the springs' energy no held force w brought.
+
+    It is of third order. Of each mass that turned it stands in `own` too, for `share_friction`.
     """
     start = eq.states + 1
-    for i in range(eq.dof if eq.frictions.codes.size > 0 else 0):
-        by = own[OFF, i]
-        own[LEFT, i] = 0.0
+    left = 0.0
+    for i in range(eq.dof):
+        by = own[row, i]
+        if row == OFF:
+            own[LEFT, i] = 0.0
         if by != 0.0:
             push = w[start + i]
             if i == 0 and not eq.lagging:
                 push += w[eq.states]
-            before = stored_energy(eq, x)
+            before = stored_energy(eq, x) - open_energy(eq, members, x)
             x[i] += by
-            own[LEFT, i] = stored_energy(eq, x) - before - push * by
-            own[OFF, i] = 0.0
+            gained = stored_energy(eq, x) - open_energy(eq, members, x) - before - push * by
+            left += gained
+            if row == OFF:
+                own[LEFT, i] = gained
+            own[row, i] = 0.0
+    return left
+
+
+@part
+def open_energy(eq, members, x):
+    """Energy [J] that springs of links would have that carry nothing."""
+    energy = 0.0
+    for g in range(eq.gaps.size):
+        if int(members) >> g & 1 == 1:
+            e = eq.gaps[g]
+            q = across(x, 0, eq.forces.first[e], eq.forces.second[e])
+            energy += 0.5 * eq.forces.parameters[e, 1] * q * q
+    return energy
 
 
 @part
@@ -439,6 +513,8 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
     columns = eq.columns if values.size + external.size > 0 else eq.states + 1
     members = 0.0
     which = 0
+    for g in range(eq.gaps.size):
+        scratch.play[g, PIN] = internal[eq.gaps[g]]
     x[eq.states] = held if eq.looped else strength * held
     for j in range(eq.states + 1):
         before[j] = x[j]
@@ -449,11 +525,18 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
         held_forces(eq, x, held, whole, strength, tick, segment, there, memory, inside, ahead)
         for e in range(values.size):
             values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
+        if look == 1 and eq.gaps.size > 0:
+            p = eq.propagators[segment, which]
+            open_and_shut(eq, p, h, before, x, internal, values, scratch.own, scratch.play)
         load(eq, values, external, before)
         if look == 0:
             if dry:
                 friction_limits(eq, before, whole, strength, limits, shares)
                 members = lock(eq, before, limits)
+            if eq.gaps.size > 0:
+                links, bit = let_go(eq, values, before, scratch.play)
+                load(eq, values, external, before)
+                members = links + bit * members
             which = chosen(eq, segment, members, scratch.choice)
         elif eq.bounds_vary:
             mean_friction_limits(eq, x, whole, strength, limits, shares)
@@ -463,6 +546,8 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
             slide(p, eq.dof, eq.states, limits, friction, x)
             turn(p, h, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
         advance_internal(eq, before, x, internal, h, held, strength, after)
+    for g in range(eq.gaps.size):
+        after[eq.gaps[g]] = scratch.play[g, PIN]
     for e in range(values.size):
         internal[e] = after[e]
     return members
@@ -479,7 +564,11 @@ def add_work(eq, segment, members, external, x1, scratch, totals):
     start = eq.states + 1
     for i in range(eq.dof):
         w[start + i] += friction[i]
-    place_booked(eq, w, x1, scratch.own)
+    if eq.frictions.codes.size > 0:
+        place_booked(eq, members, w, x1, scratch.own, OFF)
+    left = 0.0
+    if eq.gaps.size > 0:
+        left = place_booked(eq, members, w, x1, scratch.own, PLAYED)
     forms = eq.quadratics[segment, int(members)]
     for e in range(forms.shape[0]):
         if e == 0 and not eq.lagging:
@@ -507,6 +596,12 @@ def add_work(eq, segment, members, external, x1, scratch, totals):
     for e in range(table.codes.size):
         i, j = table.first[e], table.second[e]
         totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(w, 0, i, j))
+    if eq.gaps.size > 0:
+        totals[slot + eq.gaps[0]] -= left
+    for g in range(eq.gaps.size):
+        e, bit = eq.gaps[g], 1 << g
+        one = int(members) & bit
+        totals[slot + e] -= open_energy(eq, one, x1) - open_energy(eq, one, w)
     slot += table.codes.size
     share_friction(eq, w, x1, friction, scratch, totals, slot)
 
@@ -735,6 +830,6 @@ def scratch(eq):
     return Scratch(
         np.zeros(MAX_COLUMNS), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros(MAX_MASSES), np.zeros((LOCKED + 1, MAX_MASSES)),
-        np.zeros((LOCKED + 1, MAX_MASSES)), np.zeros(MAX_MASSES),
-        np.zeros((eq.frictions.codes.size, 2)), choice(),
+        np.zeros((PLAYED + 1, MAX_MASSES)), np.zeros(MAX_MASSES),
+        np.zeros((eq.frictions.codes.size, 2)), np.zeros((eq.gaps.size, 2)), choice(),
     )  # fmt: skip

@@ -5,7 +5,7 @@ Inputs u = [held command, f_1..f_n]: the command reaches m1 directly or through 
 tau a' = u - a; the forces act on the masses.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,9 @@ from zwidth.sim.chain import Matrices
 from zwidth.sim.following import Following
 
 Floats = NDArray[np.float64]
+
+
+Link = tuple[int, int, float, float]  # its masses, spring and damper
 
 
 class Plant(NamedTuple):
@@ -96,6 +99,22 @@ def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
         a[i, :] = a[plant.dof + i, :] = 0.0
         b[plant.dof + i, :] = 0.0
     return plant._replace(a=a, b=b)
+
+
+def opened(plant: Plant, links: Iterable[Link]) -> Plant:
+    """Return the plant without what some links carry."""
+    a, n = plant.a.copy(), plant.dof
+    stiffness, damping = plant.matrices.stiffness.copy(), plant.matrices.damping.copy()
+    for first, second, spring, damper in links:
+        for i, j in ((first, second), (second, first)):
+            mass = plant.matrices.mass[i, i]
+            for at, by, matrix in ((0, spring, stiffness), (n, damper, damping)):
+                a[n + i, at + i] += by / mass
+                a[n + i, at + j] -= by / mass
+                matrix[i, i] -= by
+                matrix[i, j] += by
+    matrices = plant.matrices._replace(stiffness=stiffness, damping=damping)
+    return plant._replace(a=a, matrices=matrices)
 
 
 def hold(plant: Plant, duration: float) -> tuple[Floats, Floats]:

@@ -9,8 +9,8 @@ parts as in a simulation. An output is a position or a velocity of one mass; m1'
 through the sensor. A sample that is not a number corrects nothing. With L = 0 it is a free run.
 
 Dry friction that keeps its sign is a constant force, for which one substep is exact; only a tick in
-which a mass with friction stops, starts or turns needs many. So does one in which the pin of a
-backlash leaves its side. So each tick is tried in few substeps (`eq`), and where a velocity did not
+which a mass with friction stops, starts or turns needs many. So does one in which a link with play
+lets go or hits a side, between which it is linear. So each tick is tried in few substeps (`eq`), and where a velocity did not
 keep its sign, or a pin its place, it is taken back and done in many (`fine`).
 """
 
@@ -38,11 +38,10 @@ from zwidth.sim.kernel import (
     substep,
 )
 from zwidth.sim.lane_type import any_lane, as_lanes, negated, select
-from zwidth.sim.physics.backlash import backlash
+from zwidth.sim.physics.backlash import at_a_side
 
 Floats = NDArray[np.float64]
 
-BACKLASH = backlash.code
 PIECE = 512  # ticks whose innovations are whitened together, while they are in a near cache
 OVERFLOW = 1e12  # of the position of m1
 
@@ -210,24 +209,23 @@ VIEWS[Judge] = ("moments", 3, _lane_judge)
 def free_of_contact(eq, pins):
     """Whether a link with play carries nothing: its pin stands on neither side."""
     free = False
-    for e in range(eq.forces.codes.size):
-        if eq.forces.codes[e] == BACKLASH:
-            free = free | (abs(pins[e]) < 0.5 * eq.forces.parameters[e, 0])
+    for g in range(eq.gaps.size):
+        free = free | negated(at_a_side(pins[eq.gaps[g]], eq.forces.parameters[eq.gaps[g]]))
     return free
 
 
 @part
 def turned(eq, saved, memory):
-    """Whether a mass with dry friction did not keep its velocity's sign, or a pin its side."""
+    """Whether a mass with dry friction did not keep its velocity's sign, or play opened or shut."""
     after, pins = memory.x, memory.internal
     turns = False
     for e in range(eq.frictions.codes.size):
         i = eq.dof + eq.frictions.first[e]
         turns = turns | negated(saved.x[i] * after[i] > 0.0)
-    for e in range(eq.forces.codes.size):
-        if eq.forces.codes[e] == BACKLASH:
-            turns = turns | (pins[e] != saved.internal[e])
-    return turns | free_of_contact(eq, pins)
+    for g in range(eq.gaps.size):
+        pin, was, p = pins[eq.gaps[g]], saved.internal[eq.gaps[g]], eq.forces.parameters[eq.gaps[g]]
+        turns = turns | ((pin != was) & (at_a_side(pin, p) | at_a_side(was, p)))
+    return turns
 
 
 @part
@@ -242,7 +240,7 @@ def at_work(eq, fine, space, fine_space, look):
     now = Equations(
         eq.dof, eq.states, eq.columns, eq.lagging, substeps, durations, propagators,
         eq.quadratics, eq.reaction, eq.masses, eq.springs, eq.spring_stiffness, eq.forces,
-        eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
+        eq.gaps, eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
         eq.period, eq.estimator, eq.window, eq.estimating, eq.rate, eq.smoothing, eq.filter,
         eq.second_order, eq.velocity_ticks, eq.position_ticks, eq.force_row, eq.force_gain,
         eq.encoder_step, eq.encoder_floor, eq.velocity_step, eq.command_step, eq.command_gain,
@@ -251,7 +249,7 @@ def at_work(eq, fine, space, fine_space, look):
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,
-        space.own, space.more, space.shares, space.choice if look == 0 else fine_space.choice,
+        space.own, space.more, space.shares, space.play, space.choice if look == 0 else fine_space.choice,
     )  # fmt: skip
     return now, room
 

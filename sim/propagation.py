@@ -4,7 +4,7 @@ Alone, a propagator lies in blocks of eight rows, (blocks, columns, 8), so that 
 fill a vector register. In lanes every member has propagators of its own, (rows, columns) of lanes.
 The sums run over the columns in the same order, so both have the same bits.
 
-Each set of locked masses has its propagator. Alone all are made beforehand. In lanes one is made,
+Each set of locked masses and of links that carry nothing has its propagator. Alone all are made beforehand. In lanes one is made,
 for all members at once, when it first occurs; and since members may have different sets locked, the
 ones at work are kept together and changed, lane by lane, where a set changes, which is rare.
 """
@@ -164,7 +164,7 @@ def _add_each(p, column, f, x):
 
 
 def chosen(eq: Any, segment: int, members: Any, choice: Any) -> int:
-    """Return which propagator of a segment belongs to a set of locked masses."""
+    """Return which propagator of a segment belongs to a set of masses and links."""
     return int(members)
 
 
@@ -189,14 +189,36 @@ def _bring_each(eq, segment, members, choice):
 
 
 @part
+def _open(eq, members, a):
+    """Take from a plant, in place, what some links with play carry."""
+    n = eq.dof
+    for g in range(eq.gaps.size):
+        if members >> g & 1 == 1:
+            e = eq.gaps[g]
+            spring, damper = eq.forces.parameters[e, 1], eq.forces.parameters[e, 2]
+            for side in range(2):
+                i = eq.forces.first[e] if side == 0 else eq.forces.second[e]
+                j = eq.forces.second[e] if side == 0 else eq.forces.first[e]
+                a[n + i, i] += spring / eq.masses[i]
+                a[n + i, j] -= spring / eq.masses[i]
+                a[n + i, n + i] += damper / eq.masses[i]
+                a[n + i, n + j] -= damper / eq.masses[i]
+
+
+@part
 def _make(eq, segment, members, choice, p):
     a, b = choice.locked_a, choice.locked_b
     n = eq.dof
     for i in range(eq.states):
-        mass = i if i < n else i - n
-        locked = i < 2 * n and members >> mass & 1 == 1
         for j in range(eq.states):
-            a[i, j] = 0.0 if locked else choice.a[i, j]
+            a[i, j] = choice.a[i, j]
+    _open(eq, members, a)
+    masses = members >> eq.gaps.size
+    for i in range(eq.states):
+        mass = i if i < n else i - n
+        locked = i < 2 * n and masses >> mass & 1 == 1
+        for j in range(eq.states):
+            a[i, j] = 0.0 if locked else a[i, j]
         for u in range(b.shape[1]):
             b[i, u] = 0.0 if locked else choice.b[i, u]
     held_motion(a, b, eq.durations[segment], n, eq.states, choice.scale, choice.work, p)

@@ -25,7 +25,7 @@ from zwidth.sim.population import Population, Readings, Recorded
 from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
-FINENESS = Fineness(2, 4, (2, 4))
+FINENESS = Fineness(2, 4)
 TICKS, SKIPPED = 150, 20
 STEPPED = {"encoder_step": 1e-5, "command_step": 1e-3, "command_limit": 0.05, "command_gain": 1.3,
            "position_origin": 2e-3}  # fmt: skip

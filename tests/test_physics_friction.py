@@ -375,7 +375,7 @@ def test_predictions_put_a_mass_where_a_turn_leaves_it() -> None:
     e = Experiment(1e-3, loads, np.zeros((ticks, 1)), (Output("position", 0),))
     errors: list[float] = []
     for substeps in (1, 2, 4, 8):
-        ready = prepared(device, Fineness(substeps, substeps, (substeps, substeps)))
+        ready = prepared(device, Fineness(substeps, substeps))
         went = -innovations(device, e, np.zeros((2, 1)), ready=ready)[:, 0]
         errors.append(float(np.linalg.norm(np.diff(went - truth))))
     ratios = np.array(errors[:-1]) / np.array(errors[1:])

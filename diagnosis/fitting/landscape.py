@@ -15,15 +15,10 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.many import Many
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import SETTLING, Fineness, Observer
+from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING, Fineness, Observer
 from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
-# What populations grow in. Of play beside friction, 2 substeps a tick (4 where the pin leaves its
-# side) cost within 500 of 128 and 256, in 16 000 that play explains: such motion scatters by that
-# much whatever the steps. Near the limit of what can be seen they cost more than the physics
-# explains (3000 for a play that explains 860), so nothing is held against another in them.
-FAR = Fineness(2, 2, (2, 4))
 
 
 class Landscape:
@@ -37,7 +32,7 @@ class Landscape:
         experiments: Sequence[Experiment],
         observer: Observer,
         model: Model,
-        fineness: Fineness = FAR,
+        fineness: Fineness = SCREENING,
     ) -> None:
         self.problem = Problem(experiments, observer, fineness)
         self.model, self.asked = model, 0

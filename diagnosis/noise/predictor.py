@@ -177,21 +177,18 @@ def whitened(
 
 @dataclass(frozen=True)
 class Fineness:
-    """Substeps a tick: with smooth forces, where friction turns, with backlash and where it jumps.
+    """Substeps a tick: with smooth forces, and where friction turns or play opens or shuts.
 
-    Of smooth forces and backlash, counted against 64 on 20 s at 20 times the limit (100 sigma):
-    SEARCHING leaves below 2 and 12 sigma, enough to tell effects apart, FINAL below 0.5 and 1. Of
-    friction on 5 s: 0.27 to 0.49, and 0.06 to 0.13 (`python -m benchmarks.friction_substeps`).
-    SCREENING is for first fits; SIGNATURES need one digit.
+    Of smooth forces, counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves
+    below 2 sigma, enough to tell effects apart, FINAL below 0.5. SCREENING is for first fits. Of
+    friction and play: `python -m benchmarks.event_substeps`.
     """
 
     smooth: int
     turning: int
-    jumping: tuple[int, int]
 
 
-SIGNATURES, SCREENING = Fineness(2, 2, (2, 4)), Fineness(2, 2, (8, 16))
-SEARCHING, FINAL = Fineness(4, 4, (8, 16)), Fineness(8, 8, (16, 32))
+SCREENING, SEARCHING, FINAL = Fineness(2, 2), Fineness(4, 4), Fineness(8, 8)
 
 
 class Prepared(NamedTuple):
@@ -226,12 +223,10 @@ def substeps_of(device: Device, fineness: Fineness) -> tuple[int, int]:
 
 def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) -> tuple[int, int]:
     """Return the same of effects where at least so many are `needed`."""
-    hooks = {p.effect.hook for p in physics}
-    if any(q.vanishing is not None for p in physics for q in p.effect.parameters):
-        few, many = fineness.jumping
-        return max(few, needed), max(many, needed)
+    hooks = {p.effect.hook for p in physics if p.effect.name != "backlash"}
     few = max(needed, fineness.smooth if "force" in hooks else 1)
-    return few, max(few, fineness.turning) if "friction" in hooks else few
+    events = "friction" in hooks or any(p.effect.name == "backlash" for p in physics)
+    return few, max(few, fineness.turning) if events else few
 
 
 def enough(device: Device) -> int:

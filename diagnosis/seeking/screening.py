@@ -26,7 +26,7 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import SIGNATURES
+from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
 from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
@@ -63,7 +63,7 @@ class View:
 
 def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     """Return a view of a model at x."""
-    ground = Landscape(problem.experiments, problem.observer, model, SIGNATURES)
+    ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
     bent = creased(model)
     at = slopes_at(ground, x, np.full(x.size, CREASED if bent else SMOOTH), bent)
     return View(problem, model, x, at.residual, at.slopes, own)
@@ -107,7 +107,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
         for s in starts
     ]  # fmt: skip
     asked = [np.concatenate([seen.x, extra]) for extra in beyond]
-    ground = Problem(seen.problem.experiments, seen.problem.observer, SIGNATURES)
+    ground = Problem(seen.problem.experiments, seen.problem.observer, SCREENING)
     energy, samples = float(base @ base), seen.samples
     none = np.zeros(seen.residual.size - samples)
     found: list[Screened] = []

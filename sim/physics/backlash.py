@@ -8,17 +8,17 @@ the link is deformed by, and it carries T = k s + c s':
     pin free:                           T = 0, so s' = -(k / c) s: the link springs back
     pin against the lower side:         mirrored
 
-The pin moves freely until a side stops it: z_1 = q_1 - s_0 exp(-k h / c), held within +-a, which is
-exact while the pin does not hit a side inside the substep. c <= 0 is a link without memory, z = q
-within +-a.
+c <= 0 is a link without memory, z = q within +-a.
 
-The propagator holds the whole link, k q + c q'; this effect gives back what the gap takes,
-k q + c q' - T: the constant k a in contact (exact), all of the link's force inside the gap (second
-order; stable for h < 2 sqrt(m / k) and h < 2 m / c, m the reduced mass of the two neighbours). At
-an impact the damper's force jumps by c q', and a jump inside a substep is worth half a substep of
-that force at most: with c > 0 first order, and small as c h / m; with c = 0 second order. In the
-ledger, what the link's damper books inside the gap this effect books back: read the two together.
-Other effects in the same link act beside it, between its two masses.
+Between its events a link is linear, and a substep exact: while it pushes on a side the propagator
+holds the whole of it, k q + c q', and this effect gives back the constant k a; while it carries
+nothing the propagator is that of the chain without it (`sim/kernel.py`), and the pin is at
+
+    z(t) = q(t) - s_0 exp(-k t / c).
+
+Inside a substep it lets go where T falls through zero, and hits a side where z does (`taken_over`),
+which leaves an error of third order. In the ledger the effect has what the link's spring is booked
+with while it carries nothing. Other effects in the same link act beside it, between its two masses.
 """
 
 import math
@@ -28,7 +28,7 @@ import numpy as np
 
 from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
-from zwidth.sim.lane_type import greatest, least, select
+from zwidth.sim.lane_type import greatest, least, root, select
 from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import SMALLEST, Sizes, up_to
 from zwidth.sim.place import LINKS, Place
@@ -124,8 +124,101 @@ def within_gap(q, p):
 
 
 @part
-def next_pin(z, q0, q1, h, p):
-    """Pin after a substep."""
+def at_a_side(z, p):
+    """Whether a pin stands at a side."""
+    return abs(z) >= 0.5 * p[0]
+
+
+@part
+def pushed_side(q, v, z, p):
+    """Side that the link pushes on, 1 or -1; 0 while it carries nothing. Without a gap it is 1."""
+    half = 0.5 * p[0]
+    whole, least_of = p[1] * q + p[2] * v, p[1] * half
+    upper = (z >= half) & (whole >= least_of)
+    lower = (z <= -half) & (whole <= -least_of)
+    return select(upper | (half == 0.0), 1.0, select(lower, -1.0, 0.0))
+
+
+@part
+def springs_back(t, p):
+    """Part of its deformation that a link keeps which carries nothing for t."""
     damped = p[2] > 0.0
-    left = select(damped, exp(-p[1] * h / select(damped, p[2], 1.0)), 0.0)
-    return within_gap(q1 - (q0 - z) * left, p)
+    return select(damped, exp(-p[1] * t / select(damped, p[2], 1.0)), 0.0)
+
+
+@part
+def lets_go(q0, v0, q1, v1, h, side, p):
+    """Of a link that pushes on a side as a substep begins: what is taken from it, and its pin.
+
+    q, v at both ends as if it went on to push, and then to pull. T = side (k q + c v) - k a is
+    t_0 >= 0 at first; where it ends at t_1 < 0 the link lets go at s = t_0 / (t_0 - t_1) of the
+    substep, and what it would have pulled from there on is taken besides,
+
+        mean of what is taken = side (k a + (1 - s) t_1 / 2).
+
+    s is a line's, off by O(h), and so is what hangs on it, t_1: the impulse is off by O(h^3). The
+    pin is where the deformation at s, of the cubic through both ends, has sprung back to; where it
+    is by then beyond the other side, the link pushes there from where a line says.
+    """
+    half = 0.5 * p[0]
+    push = p[1] * half
+    t0 = side * (p[1] * q0 + p[2] * v0) - push
+    t1 = side * (p[1] * q1 + p[2] * v1) - push
+    gone = (half > 0.0) & (t1 < 0.0)
+    s = select(gone, greatest(0.0, t0) / select(gone, greatest(0.0, t0) - t1, 1.0), 1.0)
+    rest = 1.0 - s
+    there = rest * rest * ((1.0 + 2.0 * s) * q0 + s * h * v0)
+    there += s * s * ((3.0 - 2.0 * s) * q1 - rest * h * v1)
+    pin = q1 - (there - side * half) * springs_back(rest * h, p)
+    beyond = gone & (side * pin < -half)
+    across = select(beyond, 2.0 * half / select(beyond, half - side * pin, 1.0), 0.0)
+    mean = select(beyond, push * (s - rest * (1.0 - across)), push + 0.5 * rest * select(gone, t1, 0.0))
+    return side * mean, select(gone, within_gap(pin, p), side * half)
+
+
+@part
+def is_hit(q0, v0, z0, q1, v1, h, yields, p):
+    """Of a link that carries nothing as a substep begins: force on the first mass, shift, pin.
+
+    q, v at both ends as if it went on so; yields [1/kg]: what both masses give way to a force
+    between them. The pin goes from z_0 to z_1, by a parabola with its speed z_0' = v_0 + k s_0 / c
+    at first, and hits a side a at the share s where
+
+        z_0 + s h z_0' + s^2 (z_1 - z_0 - h z_0') = a,
+
+    off by O(h^2). From there on the link pushes with T = k (q - a) + c q', for tau = (1 - s) h,
+    in which the force itself slows what drives it: with the mean of T as it would be without
+    itself, r the deformation and v the speed at s,
+
+        T = (k (r + tau (2 v + v_1) / 6) + c (v + v_1) / 2)
+            / (1 + (k tau^2 / 6 + c tau / 2) yields).
+
+    Held over the substep it counts 1 - s. That moves masses too far, since it acts late: from
+    impulses, by h^2 / (2 m) s (1 - s) T, which is what `shift` returns, times h^2 / (2 m).
+    """
+    half = 0.5 * p[0]
+    damped = p[2] > 0.0
+    deformed = select(damped, q0 - z0, 0.0)
+    rate = p[1] / select(damped, p[2], 1.0)
+    end = q1 - deformed * springs_back(h, p)
+    hit = (half > 0.0) & (abs(end) >= half)
+    side = select(end > 0.0, 1.0, -1.0)
+    far = greatest(0.0, half - side * (q0 - deformed))
+    first = side * h * (v0 + rate * deformed)
+    bend = side * (end - (q0 - deformed)) - first
+    wide = root(greatest(0.0, first * first + 4.0 * bend * far))
+    forth = first + wide
+    ahead = hit & (first > 0.0) & (forth > 0.0)
+    back = hit & (first <= 0.0) & (bend > 0.0)
+    s = select(ahead, 2.0 * far / select(ahead, forth, 1.0), 0.0)
+    s = select(back, 0.5 * (wide - first) / select(back, bend, 1.0), s)
+    s = least(1.0, greatest(0.0, s))
+    rest = 1.0 - s
+    tau = rest * h
+    v = v0 + s * (v1 - v0)
+    r = deformed * springs_back(s * h, p)
+    force = p[1] * (r + tau * (2.0 * v + v1) / 6.0) + 0.5 * p[2] * (v + v1)
+    force = force / (1.0 + (p[1] * tau / 6.0 + 0.5 * p[2]) * tau * yields)
+    force = select(hit, greatest(0.0, side * force), 0.0)
+    pin = select(hit, side * half, within_gap(end, p))
+    return -side * rest * force, side * s * rest * force, pin

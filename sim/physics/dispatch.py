@@ -6,7 +6,7 @@ the effect borrows after them. Codes from 100 on are effects of the user's own (
 """
 
 from zwidth.sim.jit import part
-from zwidth.sim.physics.backlash import backlash_force, next_pin, within_gap
+from zwidth.sim.physics.backlash import backlash_force, within_gap
 from zwidth.sim.physics.constant_force import constant_level
 from zwidth.sim.physics.coulomb_friction import coulomb_bounds
 from zwidth.sim.physics.cubic_stiffness import cubic_force
@@ -120,8 +120,6 @@ def next_internal(code, z, q0, q1, v0, v1, h, u, s, p):
         return next_bristle(z, q0, q1, v0, v1, h, p)
     if code == 5:
         return next_yield(z, q0, q1, v0, v1, h, p)
-    if code == 8:
-        return next_pin(z, q0, q1, h, p)
     if code == INTEGRAL:
         return next_integral(z, q0, q1, h, u, s, p)
     return z
