@@ -230,7 +230,17 @@ def _functions(eq: Equations, name: str) -> list[str]:
         zero = "{{0.0}}" if len(shape) > 1 else "{0.0}"
         step.emit(f"double {one}{sizes} = {zero};")
     step.emit("/* The same names belong to the source in sim/kernel.py. */")
-    for unused in ("values", "ahead", "after", "friction", "limits", "own", "more", "shares", "play"):
+    for unused in (
+        "values",
+        "ahead",
+        "after",
+        "friction",
+        "limits",
+        "own",
+        "more",
+        "shares",
+        "play",
+    ):
         step.emit(f"(void){unused};")
     step.emit(f"const double measured = {name}_read(s);")
     told = step.call(sent, eq, Value("s->tick", "i"), x, Value("command"), Value("s->command"))

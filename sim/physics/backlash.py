@@ -172,7 +172,9 @@ def lets_go(q0, v0, q1, v1, h, side, p):
     pin = q1 - (there - side * half) * springs_back(rest * h, p)
     beyond = gone & (side * pin < -half)
     across = select(beyond, 2.0 * half / select(beyond, half - side * pin, 1.0), 0.0)
-    mean = select(beyond, push * (s - rest * (1.0 - across)), push + 0.5 * rest * select(gone, t1, 0.0))
+    mean = select(
+        beyond, push * (s - rest * (1.0 - across)), push + 0.5 * rest * select(gone, t1, 0.0)
+    )
     return side * mean, select(gone, within_gap(pin, p), side * half)
 
 
