@@ -180,7 +180,7 @@ def _matrix(eq: Equations, name: str) -> str:
         inner = (",\n" + " " * (depth + 1)).join(nested(v, depth + 1) for v in values)
         return "{" + inner + "}"
 
-    title = "/* Propagators of a substep: segment, locked masses and open links, block of rows, column, row. */"
+    title = "/* Propagators of a substep: segment, set of masses and links, block, column, row. */"
     return f"{title}\nstatic const double {name}_P{sizes} =\n{nested(p, 0)};\n"
 
 

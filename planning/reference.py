@@ -22,7 +22,7 @@ from zwidth.diagnosis.seeking.candidates import Start, candidates
 from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.planning.rehearsal import Noise, known_observer
-from zwidth.sim.device import Device, known, place_label
+from zwidth.sim.device import Device, known
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import place_at
@@ -50,8 +50,6 @@ class Reference:
         default_factory=dict[frozenset[str], Complement], repr=False, compare=False
     )
 
-    _floor: dict[str, Floats] = field(default_factory=dict[str, Floats], repr=False, compare=False)
-
     @property
     def experiments(self) -> list[Experiment]:
         """The recordings."""
@@ -76,23 +74,7 @@ class Reference:
         return self._off[key]
 
     def signature(self, physics: Physics) -> Floats:
-        """Return e(device with the effect) - e(device), (samples and priors,), not projected.
-
-        What an effect of no size does is taken off where that is something (`Parameter.vanishing`):
-        while the pin of a free play crosses, a substep goes without the link's damper, which is an
-        error of the substep and none of the device.
-        """
-        found = self._moved(physics)
-        parameters = physics.effect.parameters
-        nothing = {p.name: p.vanishing for p in parameters if p.vanishing is not None}
-        if not nothing:
-            return found
-        key = place_label(physics)
-        if key not in self._floor:
-            self._floor[key] = self._moved(replace(physics, values={**physics.values, **nothing}))
-        return found - self._floor[key]
-
-    def _moved(self, physics: Physics) -> Floats:
+        """Return e(device with the effect) - e(device), (samples and priors,), not projected."""
         moved = weighted(self.problem, self.device.with_physics(physics)) - self.base
         return np.concatenate([moved, np.zeros(self.jacobian.shape[0] - moved.size)])
 

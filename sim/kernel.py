@@ -20,8 +20,8 @@ is less (a bound that varies with speed is taken as the mean of both ends), and 
 inside the substep at the mean of before and after, which is third order (`turn`); a mass at rest
 whose load stays within the sticking bounds is locked, with a propagator of its own, and does not
 move at all. A link with play that carries nothing has a propagator without it, and where it opens
-or shuts inside the substep, it is held at a mean of third order too (`open_and_shut`). All forces being held, the work of each is force times
-displacement, and the ledger closes to rounding.
+or shuts inside the substep, it is held at a mean of third order too (`open_and_shut`). All forces
+being held, the work of each is force times displacement, and the ledger closes to rounding.
 
 Every part is written once, for one run and for many side by side (`sim/lane_type.py`): numbers are
 floats, or lanes of a population whose members have the same structure and numbers of their own.

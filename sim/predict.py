@@ -10,8 +10,9 @@ through the sensor. A sample that is not a number corrects nothing. With L = 0 i
 
 Dry friction that keeps its sign is a constant force, for which one substep is exact; only a tick in
 which a mass with friction stops, starts or turns needs many. So does one in which a link with play
-lets go or hits a side, between which it is linear. So each tick is tried in few substeps (`eq`), and where a velocity did not
-keep its sign, or a pin its place, it is taken back and done in many (`fine`).
+lets go or hits a side, between which it is linear. So each tick is tried in few substeps (`eq`),
+and where a velocity did not keep its sign, or a pin its side, it is taken back and done in many
+(`fine`).
 """
 
 # Compiled code takes what numba gives it.
@@ -249,7 +250,8 @@ def at_work(eq, fine, space, fine_space, look):
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,
-        space.own, space.more, space.shares, space.play, space.choice if look == 0 else fine_space.choice,
+        space.own, space.more, space.shares, space.play,
+        space.choice if look == 0 else fine_space.choice,
     )  # fmt: skip
     return now, room
 

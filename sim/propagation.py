@@ -4,9 +4,10 @@ Alone, a propagator lies in blocks of eight rows, (blocks, columns, 8), so that 
 fill a vector register. In lanes every member has propagators of its own, (rows, columns) of lanes.
 The sums run over the columns in the same order, so both have the same bits.
 
-Each set of locked masses and of links that carry nothing has its propagator. Alone all are made beforehand. In lanes one is made,
-for all members at once, when it first occurs; and since members may have different sets locked, the
-ones at work are kept together and changed, lane by lane, where a set changes, which is rare.
+Each set of locked masses and of links that carry nothing has its propagator. Alone all are made
+beforehand. In lanes one is made, for all members at once, when it first occurs; and since members
+may have different sets, the ones at work are kept together and changed, lane by lane, where a set
+changes, which is rare.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false

@@ -7,9 +7,10 @@ from fitting_examples import drive, play, recording
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family, blind
+from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.noise.settle import prepared_for, refit
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.sim.physics import make_physics
@@ -28,7 +29,7 @@ def test_a_landscape_says_of_many_what_a_problem_says_of_each(white: bool) -> No
     random = np.random.default_rng(1)
     xs = [0.3 * random.standard_normal(len(model.parameters)) for _ in range(19)]
     found = ground.costs(xs)
-    problem = Problem(there.experiments, there.observer, FAR)
+    problem = Problem(there.experiments, there.observer, SCREENING)
     for x, cost, residual in zip(xs, found, ground.residuals(xs), strict=True):
         prior = sum(xi**2 for p, xi in zip(model.parameters, x, strict=True) if p.prior)
         alone = there.observer.cost(problem.weighted(model, x)) + prior

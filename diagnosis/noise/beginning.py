@@ -177,15 +177,15 @@ def by_own_slopes(
     here = experiment.on(device)
     if not with_play(here.physics):
         return linear
-    first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
     few, many = substeps_of(here, SEARCHING)
 
     @cache
     def members(count: int) -> Population:
         return Population(alike(here, count), few, many)
 
-    def weighed(starts: Floats) -> Floats:
+    def weighed(starts: Floats, ticks: int = BEGINNING // 4) -> Floats:
         gains = [observer.gain] * len(starts)
+        first = replace(experiment.part(0, min(ticks, experiment.ticks)), start=None)
         errors = innovations_each(members(len(starts)), first, here, starts, gains)
         with np.errstate(all="ignore"):  # infinite after an overflow
             white = observer.weigh(errors).reshape(len(starts), -1)
@@ -194,13 +194,13 @@ def by_own_slopes(
     units = _units(experiment, observer, linear.size // 2)
     near = np.stack([linear, np.zeros(linear.size)])
     at = _least(weighed, near)
-    usual = float(np.std(np.diff(first.measured[:, 0]))) / experiment.period
+    usual = float(np.std(np.diff(experiment.measured[:BEGINNING, 0]))) / experiment.period
     aside = np.concatenate([_aside(here, begin, usual) for begin in near])
     best = np.argsort(np.sum(weighed(aside) ** 2, axis=1))[:FROM_ASIDE]
     found = _least(
         weighed, np.stack([_nearest(weighed, begin, units) for begin in (at, *aside[best])])
     )
-    costs = np.sum(weighed(np.stack([linear, found])) ** 2, axis=1)
+    costs = np.sum(weighed(np.stack([linear, found]), BEGINNING) ** 2, axis=1)
     return found if costs[1] < costs[0] else linear
 
 

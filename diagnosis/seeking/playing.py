@@ -136,12 +136,11 @@ def _tried(
     wide = model.with_effect(first.physics, first.scales, first.bounds)
     (j,) = (i for i, p in enumerate(wide.parameters) if i >= x.size and p.key == key)
     asked: list[Floats] = []
-    for gap in (first.physics.effect.parameter(key).vanishing or 0.0, *gaps):
+    for gap in (0.0, *gaps):
         own = np.zeros(len(wide.parameters))
         own[: x.size] = x
         own[j] = (gap - first.physics.values[key]) / wide.parameters[j].scale
         asked.append(wide.within(own))
-    # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
     there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
     contact = steadily(there.observer.gain)[:, : len(experiments[0].outputs)]
     links, seen = links_with_play(device), model.seen(experiments[0], x)

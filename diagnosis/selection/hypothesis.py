@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +17,7 @@ from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
 from zwidth.diagnosis.noise.predictor import FINAL, SCREENING, SEARCHING, Fineness
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, freedom, rarity
 from zwidth.diagnosis.settings import EVIDENCE
@@ -119,6 +121,14 @@ class Hypothesis:
         """Return it with what it costs in the substeps of final fits, all else as it is."""
         (finer,) = self._ground(FINAL).costs([self.x])
         return replace(self, cost=replace(self.cost, misfit=float(finer)))
+
+    def less(self, index: int) -> "Hypothesis | None":
+        """Return the hypothesis without one of its effects, all else as it stands."""
+        model, x = self.model.less(self.x, index)
+        near, begun = self.family.near(self.ratio), self.begun
+        with suppress(NoObserver):
+            return judged(self.experiments, model, x, self.family, near, self.prices, begun)
+        return None
 
     def moved(self, x: Floats) -> "Hypothesis":
         """Return the hypothesis at another x, its noise sought anew about its own."""

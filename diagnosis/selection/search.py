@@ -280,7 +280,23 @@ def _grown(found: Search) -> None:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"accepted: {found.best.model.label}")
+        _leave_out(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _leave_out(found: Search) -> None:
+    """Leave out what the best no longer needs as all else stands, which no fit has to show.
+
+    A friction that stood for play is of no size once the play is there.
+    """
+    while len(found.best.model.effects) > 1:
+        h = found.best
+        some = [h.less(i) for i in range(len(h.model.effects))]
+        idle = [n for n in some if n is not None and not (_worth(h, n) or found.needs(h, n))]
+        if not idle:
+            return
+        found.best = found.keep(settled(min(idle, key=lambda n: n.cost.total), turns=2))
+        found.say(f"no longer needed: {', '.join(h.labels - found.best.labels)}")
 
 
 def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]) -> bool:

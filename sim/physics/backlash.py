@@ -84,7 +84,6 @@ backlash = Effect(
             1e3,
             0.0,
             role="magnitude",
-            vanishing=1e-15,
             valleys=True,
             meaning="all of the play, from one side to the other: twice the half gap",
         ),

@@ -64,8 +64,8 @@ class Parameter:
     value; a strength says how strong the effect is and is no such factor; turning is a phase or an
     angle; the rest is shape. least, most: factors of its start between which a fit may move it.
     open_ended: above its upper bound the law hardly changes, and a fit that ends there is sound.
-    vanishing: value at which nothing is left of the effect but how the kernel steps. valleys: the
-    errors over it have a valley every few percent, so that a fit ends in the one where it began.
+    valleys: the errors over it have a valley every few percent, so that a fit ends in the one where
+    it began.
     inverse: a strength that counts by its reciprocal, 0 where there is none of it, so that half of
     it is twice as strong: a limit that the largest command says nothing of (of a rate, at speed).
     meaning: what it is, for people.
@@ -82,7 +82,6 @@ class Parameter:
     least: float = 0.0
     most: float = math.inf
     open_ended: bool = False
-    vanishing: float | None = None
     valleys: bool = False
     inverse: bool = False
     meaning: str = ""
