@@ -47,6 +47,7 @@ UNITS = {
     "skew": ("s", "s"),
     "zero": ("rad", "m"),
 }  # fmt: skip
+SIGNED = ("gain", "origin", "skew", "zero")
 SAME_STEP = 0.01  # relative difference of steps that are the same
 NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
@@ -130,9 +131,17 @@ def _estimates(
             way = np.zeros(x.size)
             way[[j, p.index]] = scale
             value, half = value + float(way @ x), half_width(way, spread)
-        unit = physics.effect.parameter(target.key).unit_for(model.nominal.rotary)
-        estimates[name] = Estimate(value, value - half, value + half, unit)
+        known = physics.effect.parameter(target.key)
+        unit = known.unit_for(model.nominal.rotary)
+        estimates[name] = _within(value, half, unit, known.lower, known.upper)
     return estimates
+
+
+def _within(
+    value: float, half: float, unit: str, lower: float = 0.0, upper: float = math.inf
+) -> Estimate:
+    """A value with the part of its interval that can be: no stiffness is below zero."""
+    return Estimate(value, max(value - half, lower), min(value + half, upper), unit)
 
 
 def _encoder(
@@ -189,7 +198,8 @@ def linear(
         own, value = nominal[p.name], fitted[p.name]
         half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
         unit = UNITS[p.kind][0 if device.rotary else 1]
-        result[p.name] = (own, Estimate(value, value - half, value + half, unit))
+        least = -math.inf if p.kind in SIGNED else 0.0
+        result[p.name] = (own, _within(value, half, unit, least))
     return result | _of_recordings(device, final, experiments)
 
 
