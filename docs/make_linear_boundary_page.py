@@ -25,6 +25,7 @@ from zwidth.files.whole import write_text, write_with
 from zwidth.sim.device_file import load_device
 from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
+from zwidth.sim.readable import plain
 from zwidth.stability.fate_map import FateMap, make_map
 from zwidth.stability.fates import evaluate
 from zwidth.stability.judging import Trial
@@ -68,7 +69,7 @@ def named(key: Key) -> str:
     """Return what is special about a panel."""
     step, limit, level = key
     words = [
-        f"step {step:g} rad" if step else "",
+        f"step {plain(step)} rad" if step else "",
         f"limit {limit:g} N m" if limit < math.inf else "",
         f"friction {1e3 * level:g} mN m" if level else "",
     ]
