@@ -5,8 +5,9 @@
             with reason("slopes"):
                 ...                 # each call of the kernel in here is booked on both
 
-A simulation is one device along all that was fitted: member-ticks over `ticks`. Counts are the same
-on every machine, so they may be asserted; CPU seconds are of the kernel alone and are not.
+A simulation counts as one device over all recordings of the fit: member-ticks divided by `ticks`.
+Counts are the same on every machine, so tests may assert them. CPU seconds are those of the kernel
+alone and depend on the machine.
 """
 
 import threading

@@ -1,37 +1,39 @@
 """Is the model adequate? Compares errors on held-out data with what its noise model predicts.
 
-A hypothesis that costs least may still be wrong: it is the best of those that were tried. If it is
-right, its free runs err on data that it was not fitted to as far as its noise and what is not known
-of its parameters make them, and no farther. How far that is, a parametric bootstrap says (Gelman,
-Meng & Stern, Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, and
-the device so drawn is simulated under the same command with innovations e of the very process that
-the hypothesis believes in, those of its observer (gain L) that its filters W make white,
+The hypothesis of least cost may still be wrong: it is only the best of those that were tried. If it
+is right, its free runs on held-out data err as much as its noise and the uncertainty of its
+parameters predict, and no more. A parametric bootstrap predicts that error (Gelman, Meng & Stern,
+Statistica Sinica 6, 1996): parameters are drawn from their covariance, and the device so drawn is
+simulated under the same command with innovations e of the fitted noise process, of which L is the
+gain of the observer and W the filters that whiten,
 
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
-w of the covariance that recordings have a step ahead. The answer follows y in free runs as it
-follows the recording. With T its log rms error over runs of one length, and T_i those of R draws,
-the answer is adequate where for all lengths
+w with the covariance of the one-step errors of the recordings. The answer's free runs on y are then
+computed as those on the recording. Let T be the log rms error over runs of one length, and T_i the
+same of R draws. The answer is adequate if for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
-t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA. An
-error below one step of the encoder refuses nothing: where motion is slow, rounding stays as it is
-for long, which is no noise of the filters' colour.
+t is the quantile of Student's t with R - 1 degrees of freedom that is exceeded with probability
+ALPHA. An error below one step of the encoder never makes an answer inadequate: in slow motion the
+rounding error stays constant for long, and the filters do not describe such noise.
 
-Size alone does not refuse what lacks physics. Errors of free runs are innovations filtered, and the
-filters take what a lack of friction leaves in the innovations for noise like any other: with
-innovations drawn from the recording itself in blocks, errors are foretold to the percent whatever
-lacks. What no noise does is follow the motion. So the same is asked of a second T: the log odds of
-the share of the square of errors that forces which follow the motion explain (`answer.coherence`).
+The size of the error alone does not reveal missing physics. Errors of free runs are filtered
+innovations, and the filters treat what missing friction leaves in the innovations as noise: with
+innovations drawn from the recording itself in blocks, errors are predicted to the percent whatever
+is missing. But noise does not follow the motion. So the same test is made with a second T: the log
+odds of the share of the squared error that forces which follow the motion explain
+(`answer.coherence`).
 
-And held-out data must not speak against what it names: its free runs, or its likelihood a step
-ahead, must be better than those of the better one of device file and refit by more than the scatter
-of the blocks (`compared`). What is not names nothing.
+Held-out data must also support the effects that the answer names: its free runs, or its likelihood
+one step ahead, must be better than those of the device file and of the refit by more than the
+scatter of the blocks (`compared`). This does not apply to an answer that names nothing.
 
-Limits: the filters see a resolution of 6.6 Hz at 1 kHz, and noise of a far slower colour makes free
-runs of seconds err more than they say. Noise that a force drives is led by motion where that force
-is. What lacks and leaves nothing but colour (play that rattles, a stiff cubic spring) is foretold.
+Limits: the filters resolve 6.6 Hz at 1 kHz. Noise that is much slower makes free runs of seconds
+err more than predicted. Noise that enters as a force follows the motion where that force acts.
+Missing physics that leaves only coloured noise (play that rattles, a stiff cubic spring) is not
+detected.
 """
 
 import math
@@ -84,8 +86,9 @@ TOLD = 10.0  # information in a direction of x, of which a device file's own is 
 class Ahead:
     """Free runs over a horizon [s]: rms error of the first output, and what is to be expected.
 
-    These in the output's unit; most: above it the answer is not adequate. led: share of its square
-    that forces which follow the motion explain; most_led: the same of it.
+    These are in the output's unit; most: above it the answer is not adequate. led: share of its
+    square that forces which follow the motion explain; most_led: the largest such share of an
+    adequate answer.
     """
 
     horizon: float
@@ -105,10 +108,10 @@ class Ahead:
 class Adequacy:
     """What held-out data say of an answer.
 
-    explained: share of the mean square error over half a second (of the better one of device file
-    and refit) that the answer takes away. better: sigma by which it predicts better than these, in
-    free runs or a step ahead, whichever is more. names: whether it has any effects. runs: how many
-    free runs there were, of the length of which there were most.
+    explained: by which share the answer lowers the mean square error over half a second of the
+    better of device file and refit. better: by how many sigma it predicts better than these, in
+    free runs or one step ahead, whichever is more. names: whether it has any effects. runs: the
+    largest number of free runs of one length.
     """
 
     ahead: tuple[Ahead, ...]
@@ -147,8 +150,9 @@ def adequacy(
 ) -> Adequacy | None:
     """Judge an answer by recordings that it was not fitted to.
 
-    nominal: the device file's model, without free values. Returns None where nothing can be said:
-    recordings shorter than three free runs of `SHORTEST` ticks, or no noise follows.
+    nominal: the device file's model, without free values. Returns None if no judgement is possible:
+    the recordings are shorter than three free runs of `SHORTEST` ticks, or the noise cannot be
+    simulated.
     """
     model, x = final.model, final.x
     others = [(nominal, np.zeros(len(nominal.parameters))), (refit.model, refit.x)]
@@ -191,10 +195,11 @@ def adequacy(
 def wander(error: float, floor: float) -> bool:
     """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
 
-    By a tenth of the motion, and by more than that noise is. Both over the motion.
+    Far: by a tenth of the motion, and by more than the noise of readings. Both are relative to the
+    motion.
 
-    A noise model of slow forces foretells any error of free runs as chance, also one that physics
-    of no library makes: an answer is adequate then, and promises nothing all the same.
+    A noise model of slow forces predicts any error of free runs as chance, including one from
+    unknown physics. An answer is adequate then, and still predicts badly.
     """
     return beyond_noise(error, floor) and error**2 - floor**2 > ADEQUACY.chance**2
 
@@ -272,8 +277,8 @@ class Believed:
     def drawn(self, ticks: int, random: np.random.Generator) -> Floats:
         """Return innovations (ticks, o): of a process without end, so that none needs to settle.
 
-        Autoregression by division of spectra, of a period longer than is asked for by what the
-        filters remember.
+        The autoregression is computed by dividing spectra, over a period that is longer than the
+        result by the memory of the filters.
         """
         filters = self.observer.filters()
         size = next_fast_len(ticks + FORGOTTEN, real=True)
@@ -286,9 +291,9 @@ class Believed:
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
     """The colour that the answer believes in, as strong as recordings have it a step ahead.
 
-    Up to `louder` times as strong as where it was fitted, in which its deviation is one: from there
-    on it is what the answer lacks. Of a machine without any disturbance a slow observer's
-    innovations are all that the answer lacks, and would be foretold as its noise.
+    The noise may be up to `louder` times as strong as where it was fitted (there its deviation is
+    one); more than that counts as missing physics. If a machine has no disturbance, the innovations
+    of a slow observer consist only of missing physics, and would be predicted as noise.
     """
     device = final.model.acting(final.x)
     white = _weighed(device, seen, observer)
@@ -303,8 +308,8 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
 def _known(final: Fitted) -> Floats:
     """Return a root (x, directions) of the covariance of what the recordings tell of x.
 
-    Directions that they do not tell (a free gain against all masses at once) change no motion, and
-    are left out: far along them the first order no longer holds.
+    Directions that the recordings do not determine (a free gain together with all masses) change no
+    motion. They are left out, since far along them the first order no longer holds.
     """
     slopes = final.jacobian[: final.samples]
     told, directions = np.linalg.eigh(slopes.T @ slopes)
@@ -323,8 +328,8 @@ def _bootstrapped(
 ) -> Floats:
     """What is `_judged` (2, lengths) of what a device would give that the fit cannot tell from its.
 
-    own: the recordings as the answer sees them. What the device reads otherwise than the answer
-    (gain, origin) is taken off as the device reads it, and put on as the answer does.
+    own: the recordings as the answer reads them. Corrections of the device's reading (gain, origin)
+    are removed, and those of the answer applied.
     """
     random = np.random.default_rng(seed)
     root = _known(final)
@@ -381,10 +386,10 @@ def freer(
 ) -> bool:
     """Whether one answer runs free better than another.
 
-    Each under its own observer; the horizon that tells most clearly decides, beyond `apart` sigma:
-    that the other's noise does not hold was shown before, so neither has the odds for it. Stretches
-    differ in how much they can show, so that a few of them tell little by their differences: where
-    one errs half of the other, the logarithms of their ratios tell as well.
+    Each has its own observer. The horizon with the clearest difference decides, if it exceeds
+    `apart` sigma. Stretches differ in how much they can show, so the differences of a few of them
+    say little. If one answer errs half as much in each of them, the logarithms of the ratios show
+    it.
     """
     told: list[float] = []
     for _, a, b in each_length(new, old, experiments):
@@ -400,8 +405,8 @@ def oftener_freer(
     """Whether free runs of one answer err less than those of another more often than by chance.
 
     By Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945), at any
-    horizon with odds of `often`. A law with a steep branch errs little in most runs and much in the
-    few in which it takes the wrong side; their squares would tell nothing.
+    horizon, with probability `often`. A law with a steep branch errs little in most runs and much
+    in the few in which it takes the wrong side, so mean squares would show nothing.
     """
     each = list(each_length(new, old, experiments))
     ratios = [log_ratios(b, a) for _, a, b in each]

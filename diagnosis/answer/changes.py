@@ -1,12 +1,13 @@
 """Changes of the device during a recording, in the form of the answer.
 
-Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
-in what was fitted is named where it is believed over everything that was tried and stays the same,
-not only over the answer without it (a damper that settles may stand for friction that was refused),
-and where free runs on held-out data, which come after it, err no more with it than without. One in
-the held-out data themselves is dated by the whole recording, and what comes after it judges no
-more. With a change the device is as it was at the end: that is what the augmented device says, and
-what later recordings are held against; the rest of a recording is held against what it was in that.
+Every answer is asked for changes (`learning.changing`) before its held-out data are finally opened.
+A change in a fitted parameter is named if two conditions hold. It is believed over every constant
+model that was tried, not only over the answer without it (a damper that settles may stand for
+friction that was rejected). And free runs on held-out data, which come after it, err no more with
+it than without. A change within the held-out data is dated from the whole recording; what comes
+after it then no longer judges the answer. The augmented device is the device as it was at the end
+of the recording, and later recordings are compared with that; the earlier parts of a recording are
+compared with the device as it was in them.
 """
 
 import itertools
@@ -74,9 +75,9 @@ RUNS = 2  # free runs that fit into held-out data before a change, so that they 
 class Windows:
     """A parameter as each window of the recordings tells it: middle [s], value, 95 % interval.
 
-    Recordings follow each other; times (windows,) are from the first sample of the first.
-    changed: of what was fitted, its values at `line` (points,) [s]; dated: when a step is, the same
-    way, None where there is none within a recording.
+    Recordings follow one another; times (windows,) count from the first sample of the first.
+    changed: of the fitted change, its values at `line` (points,) [s]; dated: the same for the time
+    of a step, None if there is none within a recording.
     """
 
     times: Floats
@@ -95,13 +96,13 @@ class Change:
     parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
     [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
     "settling", with the time constant `rate` [s] and its interval `rate_between`; "run", in one
-    recording only; "follows", linearly what was recorded as `covariate` in `covariate_unit`, from
-    one of `covariate_ends` to the other; "each recording", with the values `each` by the names of
-    the recordings. before, after: its values; by: what lies between, which may be known far better
-    than either, where another parameter does nearly the same. as_well: other courses that explain
-    it as well. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on
-    held-out data without the change and with it, None where the change itself is held out.
-    windows: what each part of the recordings says by itself.
+    recording only; "follows", linearly with the quantity `covariate` in `covariate_unit`, which
+    goes from one of `covariate_ends` to the other; "each recording", with the values `each` by the
+    names of the recordings. before, after: its values; by: their difference, which may be known far
+    better than either if another parameter does nearly the same. as_well: other courses that
+    explain it equally well. gained: decrease of -2 ln likelihood, less all penalties. free_run:
+    errors of free runs on held-out data, over the motion, without the change and with it; None if
+    the change itself is held out. windows: the value in each part of the recording by itself.
     """
 
     parameter: str
@@ -287,9 +288,9 @@ def _one_more(
 def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
     """Whether a hypothesis that changes is ahead of all that were tried and do not.
 
-    It is believed over those that have nothing that it lacks, and costs less than all others. They
-    were fitted to recordings as they are, and it to their parts: what an answer costs on both
-    without the change says by how much the parts differ.
+    It must be believed over the hypotheses that have no effect it lacks, and cost less than all
+    others. These were fitted to whole recordings, and the change to their parts. The cost of one
+    constant answer on both shows by how much the two kinds of cost differ.
     """
     best = tried.best
     cost = h.cost.total + best.cost.total - new.without.cost.total
@@ -304,8 +305,9 @@ def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
 def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
     """Return the changes of parameters that an answer still has, and still has as changing.
 
-    Held-out data may have refused the name whose parameter changes, and a law may do without. A
-    change in held-out data themselves (no free runs) is of a parameter that the answer has.
+    Held-out data may have rejected the effect whose parameter changes, and a learned law may not
+    need it. A change within held-out data (which has no free runs) must be of a parameter that the
+    answer has.
     """
     own = {p.name for p in found.final.model.parameters}
     varies = found.final.model.varies
@@ -341,8 +343,9 @@ def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> 
 def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
     """The rest of a recording, with as much of a change as its first part had at its end.
 
-    A step from one recording to the next, or one run that is unlike the others, is so to their ends
-    as well. What stands by itself is judged by the device as it was at last.
+    A step from one recording to the next, or one recording that differs from the others, also
+    applies to the held-out ends of these. A separate validation recording is judged by the device
+    as it was at the end.
     """
     if (first := e.before) is None:
         return e

@@ -112,7 +112,8 @@ def _estimates(
 ) -> dict[str, Estimate]:
     """Values of an effect of the model with their intervals; also "phase in WORD".
 
-    among: variances over the structures that may be true, beside those in the one that was found.
+    among: variances over the structures that may be true, besides those within the one that was
+    found.
     """
     model, x = final.model, final.x
     physics, spread = model.effects[index], covariance(final)
@@ -140,8 +141,8 @@ def _encoder(
 ) -> Finding | None:
     """The encoder's step that the samples themselves show, where the device does not know it.
 
-    Values that were not counted would all lie within `INTAKE.whole` of a lattice with the odds of
-    (2 whole)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    Values that are no counts would all lie within `INTAKE.whole` of a lattice with a probability of
+    (2 whole)^n: this gives the sigma. A step far below the noise is not physics.
     """
     position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
@@ -198,7 +199,7 @@ def _of_recordings(
 ) -> dict[str, tuple[float, Estimate]]:
     """(nominal, estimate) of each linear parameter that recordings have of their own, by name.
 
-    As it is in the first recording that has it, with what is known to be different there.
+    As in the first recording that has it, including what is known to differ there.
     """
     model, spread = final.model, covariance(final)
     result: dict[str, tuple[float, Estimate]] = {}
@@ -255,8 +256,9 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
 def without(found: Search, label: str) -> float:
     """At how many sigma the best hypothesis stands above itself without an effect.
 
-    Or, where that was not fitted, above the best that has none but others of its effects: what has
-    another in its place is a rival, and says nothing of what it explains.
+    Or, if that was not fitted, better than the best hypothesis whose effects are all among the
+    others of the best. A hypothesis with another effect in its place is a rival, and says nothing
+    about how much the effect explains.
     """
     best = found.best
     lacking = [h for h in found.tried.values() if h.labels <= best.labels - {label}]
@@ -268,8 +270,8 @@ def without(found: Search, label: str) -> float:
 def shares(found: Search) -> Shares:
     """Return the probability of every structure that was fitted to its end, by its labels.
 
-    An effect more than the best has is one of all that was looked through, and pays for it what a
-    search asks of it (`evidence.believed`).
+    A hypothesis with one effect more is the best of everything that was tried, so it pays the
+    penalty that a search requires (`evidence.believed`).
     """
     best = found.best
     kept = list(found.tried.values())
@@ -287,8 +289,9 @@ def probability(odds: Shares, label: str) -> float:
 def with_richer(odds: Shares, label: str) -> float:
     """Return the probability that a device has an effect or a richer form of it.
 
-    Who is told of a limit is told no less where that limit falls with speed: what contains an
-    effect takes nothing from its name, as it does not by its sigma (`Finding.confusable_with`).
+    Whoever is told of a limit is told the truth even if the limit also falls with speed: a richer
+    form takes nothing from the probability of an effect's name, nor from its sigma
+    (`Finding.confusable_with`).
     """
 
     def has(labels: frozenset[str]) -> bool:
@@ -300,8 +303,8 @@ def with_richer(odds: Shares, label: str) -> float:
 def elsewhere(found: Search, odds: Shares, label: str) -> dict[str, float]:
     """Return by how much the values of an effect scatter over the structures that have it.
 
-    Variances about those of the best, weighed by probability: which other effects a device has is
-    not known either, and what they are moves the values.
+    Variances about the values of the best, weighted by probability: it is also uncertain which
+    other effects a device has, and these change the values.
     """
     own = _values(found.best, label)
     scatter = dict.fromkeys(own, 0.0)

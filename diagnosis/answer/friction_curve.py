@@ -1,21 +1,21 @@
 """The friction that was found as a curve over velocity, with its band and the samples behind it.
 
-What a name and its numbers say is read best as the curve that they are: all that acts at the place
-over its velocity, in steady sliding, beside what the recording asks for at each sample, which is
-the curve at the velocity that is predicted and the force that the innovations ask for beyond it
-(`missing_force`), under an observer a hundred times slower than the likeliest, which
-takes less of it for disturbance. Where the samples lie apart from the curve, the law is another.
+A friction law is best understood as a curve: all forces at the place over velocity in steady
+sliding. Beside it are drawn the forces that the recording requires at each sample: the curve at the
+predicted velocity, plus the missing force that the innovations show (`missing_force`), under an
+observer a hundred times slower than the likeliest one, which takes less of it for a disturbance. If
+the samples lie apart from the curve, the true law is another.
 
-A straight part is the damper of the device as well, and a constant the origin of its spring, so the
-band is that of the curve beside both as they were fitted.
+A straight part also belongs to the device's damper, and a constant to the origin of its spring. The
+band is therefore that of the curve beside both as they were fitted.
 
-The missing force is the Wiener estimate from weighted innovations e = -R f + noise, R the response
-of observer and device to a force at the place: with E and R their transforms,
+The missing force is the Wiener estimate from weighted innovations e = -R f + noise, where R is the
+response of observer and device to a force at the place. With the transforms E and R,
 
     F = - sum_o conj(R_o) E_o S / (1 + sum_o |R_o|^2 S),    S the force's assumed spectrum,
 
-of a force of first-order colour whose size and corner are those of the highest likelihood. Limits:
-the device counts as linear there, and a force that a refit absorbed is not in it.
+which is of first order, with the size and corner frequency of highest likelihood. Limits: the
+device counts as linear there, and a force that a refit absorbed is not included.
 """
 
 from contextlib import suppress
@@ -86,7 +86,7 @@ def friction_curve(found: Searched) -> FrictionCurve | None:
 def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
     """Return the forces (samples,) at a mass or in a link that recordings ask for beyond a fit.
 
-    Those of all recordings one after the other, from where the observer has settled.
+    Those of all recordings in order, each from where the observer has settled.
     """
     slow = _slower(problem, fitted)
     each = [missing_force(slow, fitted, e, at)[SETTLING:] for e in problem.experiments]
@@ -111,7 +111,7 @@ def _slower(problem: Problem, fitted: Fitted) -> Problem:
 def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, place: str) -> Floats:
     """Return the force (ticks,) at a mass or in a link that the innovations ask for [N m | N].
 
-    In a link it acts on the first mass, and its contrary on the second.
+    In a link it acts on the first mass, and with the opposite sign on the second.
     """
     seen = fitted.model.seen(experiment, fitted.x)
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)

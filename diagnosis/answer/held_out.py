@@ -39,7 +39,7 @@ def told_of(
 ) -> list[tuple[Experiment, bool]]:
     """Return the recordings that are told of, and whether nothing was fitted to them.
 
-    Of one that was split only the rest that judges.
+    Of a recording that was split, only the rest that judges.
     """
     firsts = {(e.before.name, e.before.begins) for e in judge_by if e.before is not None}
     whole = [e for e in fitted if (e.name, e.begins) not in firsts]
@@ -51,7 +51,7 @@ def held_out(
 ) -> tuple[HeldOut, HeldOut]:
     """Return (one step, free run) of the device before, refitted and augmented; opens the data.
 
-    Errors of the first output over its own variation; free runs start from the observer's state.
+    Errors of the first output over its own variation; free runs start in the observer's state.
     """
     gain = found.judge.gain
     step = [e.measured[settling(e) :, 0] for e in judge_by]

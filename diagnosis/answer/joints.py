@@ -11,7 +11,7 @@ from zwidth.shown import Shown
 class JointAnswers(Shown):
     """The answer for each joint of a recording.
 
-    answers: joint -> its diagnosis. left: joint -> why it has none, in a sentence.
+    answers: joint -> its diagnosis. left: joint -> in a sentence, why it has none.
     """
 
     answers: Mapping[str, Diagnosis]

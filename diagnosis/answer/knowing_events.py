@@ -1,16 +1,16 @@
 """Events that happened once: excluded from the search for physics, reported in the answer.
 
-An event bends every fit, and a search takes it for physics. So what stands out of chance and
-explains more than the next effect is set apart while a search goes on (`events.set_apart`). The
-answer then sees the recordings as they are, whole: an event in the held-out data would spoil what
-they judge, and no parameter is fitted to what is asked there. What happens under it is fitted, its
-force is known from then on in every prediction and free run, and a slip is taken off the
-reading. What the search had tried is fitted anew to that; where the best of it has the names that
-it had, and free runs hold, these stand, else the search goes on from there.
+An event distorts every fit, and a search would take it for physics. So during a search, a part of
+the recording that chance does not explain and that explains more than the next effect is set apart
+(`events.set_apart`). The answer is then computed from the complete recordings: an event in held-out
+data would spoil the judgement, although no parameter is fitted to it. The force of the event is
+fitted, and included from then on in every prediction and free run; a slip is subtracted from the
+reading. The hypotheses of the search are fitted again with it. If the best of them has the same
+effects, and its free runs are adequate, these stand; otherwise the search continues from there.
 
-Names come first. What was set apart, or lies in held-out data, the search has not seen (an
-amplifier that meets its limit once looks like a force that acts for a while). So it is asked
-whether one effect more explains it: then nothing happened.
+Named effects have precedence. The search has not seen what was set apart or lies in held-out data,
+where an amplifier that reaches its limit once looks like a force that acts for a while. So it is
+first asked whether one more effect explains it; if so, no event happened.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ def knowing_events(
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
     """Return recordings that know what happened in them, the answer to these, and the events.
 
-    The same recordings and answer where nothing did, and where it was interrupted.
+    The same recordings and answer if nothing happened, or if the search was interrupted.
     """
     if found.interrupted:
         return taken, found, ()
@@ -94,8 +94,8 @@ def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
 def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
     """What stands out most of chance, None where nothing does.
 
-    Names come first: an answer that was chosen for its free runs leaves what the next sample shows
-    and names (a ripple, how friction sets in), which would seem to happen at each turn.
+    Named effects have precedence: an answer that was chosen for its free runs lacks what the next
+    sample shows (a ripple, how friction sets in), and would seem to have an event at each reversal.
     """
     if found.near is not None and highest(every, found.near) is None:
         return None
@@ -165,8 +165,8 @@ def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
 def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:
     """What was found, on recordings of which it was not known before what happened in them.
 
-    An event spoils free runs, for which an answer over a longer horizon was asked: that of the next
-    sample is fitted anew first, and stands where its free runs hold now.
+    An event spoils free runs, because of which an answer over a longer horizon was tried. So the
+    answer by the next sample is fitted again first, and stands if its free runs are adequate now.
     """
     far = found.beside if found.near is not None else None
     near = far or found

@@ -1,8 +1,9 @@
 """A learned law, as the answer reports it: its curve or surface, formula, and worth.
 
-A law over two states is a grid, or of two tables (`learning/surfaces`). Of two tables each law is
-known with the covariance of the fit, and looks like a formula of its own (`learning/formulas`): "a
-sine of the position times a parabola of the velocity", or "shifted by" it. A grid is of no form.
+A law over two states is a grid, or is made of two tables (`learning/surfaces`). Each of two tables
+is known with the covariance of the fit, and is compared with formulas of its own
+(`learning/formulas`): "a sine of the position times a parabola of the velocity", or "shifted by"
+it. A grid has no formula.
 """
 
 from abc import ABC, abstractmethod
@@ -41,7 +42,7 @@ LITTLE = 1e-3  # of the largest power, below which none is made
 class Law(ABC):
     """A law that was learned, and held-out fits.
 
-    names, law: errors over the motion of free runs on held-out data, with what is believed alone,
+    names, law: errors of free runs on held-out data, over the motion, with the named effects alone
     and with the law. found: the fit with it.
     """
 
@@ -123,8 +124,8 @@ class Law(ABC):
 class LearnedLaw(Law):
     """A law over one state, and the formulas it looks like (cheapest first, none: of no form).
 
-    formulas: of the law with the names that follow the same state at its place, where such are
-    (`whole`), else of the law.
+    formulas: of the law plus the named effects that follow the same state at its place, if there
+    are any (`whole`), else of the law alone.
     """
 
     curve: Learned
@@ -227,7 +228,7 @@ class LearnedLaw(Law):
     def samples(self) -> tuple[Floats, Floats]:
         """Return states and forces (samples,): what the recording says of the law at each sample.
 
-        The law at the state that is predicted, and what its innovations ask for beyond it
+        The law at the predicted state, plus the force that its innovations require beyond it
         (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
         """
         physics, states = self.curve.physics, self.curve.seen
@@ -262,8 +263,8 @@ class LearnedLaw(Law):
 class LearnedSurface(Law):
     """A law over two states, and what the laws of its tables look like (cheapest first).
 
-    forms: of the first and of the second state; () for a grid, and empty for a law of no form.
-    names: with the law of one state that is believed, if any.
+    forms: of the first and of the second state; () for a grid, and empty if no form fits. names:
+    with the law of one state that is believed, if any.
     """
 
     curve: Surface
@@ -471,7 +472,7 @@ def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
 def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
     """Return what either law of two tables looks like, () for a grid.
 
-    A shift may have another constant, since nothing tells from where it is counted.
+    A shift may include another constant, since nothing determines its zero.
     """
     if not isinstance(curve.form, TablesForm):
         return ()

@@ -86,11 +86,11 @@ class Asked:
 def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
     """Learn a law where names do not explain a recording; None where none holds on other data.
 
-    By what the next sample shows, and by what shows over a longer horizon: where noise of slow
-    forces is what a hypothesis believes in, the next sample tells little of a law, and a motion of
-    half a second tells much. The likeliest of each first; of those that hold on held-out data that
-    which errs less there, and where neither does the next of each, as of names. names: free runs on
-    held-out data of what is named.
+    Laws are sought by one-step errors, and by errors over a longer horizon: if a hypothesis assumes
+    noise of slow forces, the next sample shows little of a law, and a motion of half a second shows
+    much. First the likeliest law of each kind is tested. Of those that improve held-out data, the
+    one with the smaller error there is taken; if neither does, the next of each kind is tested, as
+    with named effects. names: free runs on held-out data with the named effects.
     """
     asked.say("no known effect explains it: learning a law")
     hopeful = partial(asked.hopeful, names)
@@ -111,8 +111,8 @@ def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
 def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSurface | None:
     """Learn a law over two states; None where none holds on other data, or `Effort` asks for none.
 
-    Where free runs err more by what is missing than by noise still, with a law of one state where
-    one was learned. As `learned`, and held against that law as well.
+    Tried if free runs still err more than noise predicts, after a law of one state if one was
+    learned. As `learned`, and also compared with that law.
     """
     if not asked.found.tried.effort.surfaces:
         return None
@@ -153,10 +153,10 @@ def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
 def beside_names(asked: Asked, names: HeldOut) -> tuple[LearnedLaw | None, bool]:
     """Return a law where names explain a recording, and whether it stands in the place of several.
 
-    What is named may be a sum of names near a law that is in no library, or lack a part of what
-    follows one state. Asked only where some rounds of a fit promise a law beside the names: what
-    is better in their place is, to begin with, better beside them. As `learned`; None where the
-    names stand.
+    The named effects may be a sum of names near a law that is in no library, or lack a part of it
+    that follows one state. This is tried only if some rounds of a fit promise a law beside the
+    names, because a law that is better in their place also improves the fit beside them. As
+    `learned`; None if the names stand.
     """
     tried, hopeful = asked.found.tried, partial(asked.hopeful, names)
     tables = promising(tried.best, asked.say, hopeful)

@@ -1,8 +1,8 @@
 """What the fit of an answer knows of its device's numbers together, for the device's file.
 
-The rest that a fit has free (origins, the skew and jitter of the clock, what changed between
-recordings) is integrated out. The covariance is that of all parameters together: where the scale of
-the command is free, masses and forces scatter with it. What moves nothing has no place in it.
+The other free values of a fit (origins, the skew and jitter of the clock, differences between
+recordings) are integrated out. The covariance is that of all parameters together: if the scale of
+the command is free, masses and forces scatter with it. A parameter that moves nothing is left out.
 """
 
 from dataclasses import replace

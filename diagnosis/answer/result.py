@@ -73,8 +73,8 @@ class Rival:
 class Held:
     """How an effect does in a regime that had no part in the fit (`answer.regimes`).
 
-    other: where the fit was made. sigma: over doing without it; fails: whether doing without it is
-    believed there.
+    other: where the fit was made. sigma: of the comparison with a model without it; fails: whether
+    that model is believed there.
     """
 
     regime: str
@@ -133,7 +133,7 @@ class Finding:
     def without_probability(self) -> "Finding":
         """Return the finding without its probability, for an answer that is not adequate.
 
-        No fitted hypothesis is then adequate, so their relative weights are not probabilities.
+        Then no fitted hypothesis is adequate, so their relative weights are not probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)

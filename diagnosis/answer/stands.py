@@ -48,9 +48,10 @@ from zwidth.sim.place import label_of, of_label
 class Stands:
     """The answer that stands, and the recordings as it knows them.
 
-    found: on all that was searched; by: the same as held-out data may judge it, fitted to the first
-    part where `found` had to be searched in all. sound: how it stands on held-out data; left: what
-    it leaves; other: physics of no library in its place. halted: whether a person interrupted it.
+    found: on all data that were searched; by: the same as held-out data may judge it, fitted to the
+    first part if `found` had to be searched in all data. sound: how it fares on held-out data;
+    left: what it leaves unexplained; other: physics of no library in its place. halted: whether a
+    person interrupted it.
     """
 
     found: Searched
@@ -69,8 +70,8 @@ def what_stands(
 ) -> Stands:
     """Return the answer that stands of what was searched; opens the held-out data.
 
-    Where it does not explain them, what shows over a longer horizon is asked too, and then all that
-    was recorded.
+    If it does not explain them, effects over a longer horizon are tried too, and then all recorded
+    data are searched.
     """
     before, changes, halted = taken, (), found.interrupted
     if not halted:
@@ -123,8 +124,8 @@ def standing(
 ) -> tuple[Searched, Adequacy | None]:
     """What was found and how it stands; the next believed where held-out data speak against it.
 
-    Nothing where they speak against that as well. What was refused costs less than what is named
-    then, and stays beside it as the likelier rival: such an answer is never `identified`.
+    None if held-out data speak against that as well. The rejected answer costs less than the named
+    one, and stays beside it as the likelier rival, so such an answer is never `identified`.
     """
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
@@ -158,8 +159,9 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
 def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
     """Hold the final residual against forces that follow one state, and that repeat or sway.
 
-    Then all that was recorded, held-out data too, against forces of free shape under observers that
-    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+    Then all data, including the held-out part, are tested for forces of free shape under observers
+    that hide none. Nothing of this is kept in the answer; it only shows whether a stop, say, is
+    first reached in held-out data.
     """
     wide = inflation(found.final.white)
     coloured = found.problem.observer.whitening is None
@@ -208,8 +210,8 @@ def instead_of(found: Searched) -> Instead | None:
 def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
     """Say why a fit is no answer though it costs least, "" where nothing speaks against it.
 
-    It ended as far from the device file as it may go; or the force that held-out motion needs, or
-    else a whole run of it, is farther off than without what was found.
+    It ended at the limit of its allowed distance from the device file; or the force that held-out
+    motion needs, or a whole run of it, is predicted worse than without what was found.
     """
     for p, x in zip(final.model.linear, final.x.tolist(), strict=False):
         # A mass, a spring or the gain at either end, a damper at its upper one.
@@ -234,8 +236,8 @@ def named_only_whole(
 ) -> bool:
     """Whether a search of all that was recorded may name what the first part of it does not.
 
-    A force without a name is left in all of it, or free runs err farther than noise makes them on
-    what was held out, and on what was fitted do not.
+    A force without a name is left in all of the data, or free runs on held-out data err more than
+    noise predicts while those on fitted data do not.
     """
     unnamed_force = left.whole and left.matters(bool(found.final.model.effects))
     fails_later = found.held and sound is not None and not sound.sound
@@ -247,10 +249,10 @@ def second_look(
 ) -> tuple[Searched, Left, Fault | None]:
     """Search all that was recorded, where a force is seen there that has no name in the first part.
 
-    A command may meet its limit in the last seconds only. What has a name then was named with the
-    data that were to judge it, which the note says. What was found before is returned, without a
-    note, where nothing new has a name, something is still left, a name is lost, or it was
-    interrupted, which it then says.
+    A command may meet its limit only in the last seconds. What is named then was named from the
+    data that were to judge it, and the note says so. The earlier answer is returned, without a
+    note, if nothing new was named, if something is still left, or if a name was lost. It is also
+    returned if the search was interrupted, which the note then says.
     """
     say("the held-out data show more than was found: searching all of the recording")
     try:
@@ -305,8 +307,8 @@ def _knowing_losses(taken: Taken, found: Searched) -> Taken:
 def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Experiment]:
     """Return recordings with the commands that were lost in them, where the answer has such.
 
-    Which ones were lost is chance: no model foretells it, and no free run is judged by it. Each
-    stands out alone, by log odds of 3 beyond the rate; no parameter is touched.
+    Which commands were lost is chance: no model predicts it, and no free run is judged by it. Each
+    must stand out by itself, by log odds of 3 beyond the rate; no parameter is changed.
     """
     final, observer = found.final, found.judge
     if not final.model.has("dropped_samples"):

@@ -1,7 +1,7 @@
 """The verdict: a pure function of all results, called once they are complete.
 
-`reason` says why the verdict is what it is, the first of its list that holds; a reason has one
-verdict (its value). What is said of either is `answer.words`.
+`reason` says why the verdict is what it is: the first of its list that holds. Each reason has one
+verdict (its value). `answer.words` puts both into words.
 """
 
 from collections.abc import Sequence
@@ -67,8 +67,8 @@ NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.NAMED)  # unless a law i
 class Left:
     """What the final model leaves: chi-square that an unknown force would gain, 0 for chance.
 
-    whole: in all that was recorded, and not where it was fitted. beside: chi-square that may be
-    left beside names.
+    whole: in all recorded data, and not in the fitted part. beside: chi-square that may remain
+    beside the named effects.
     """
 
     gained: float
@@ -86,10 +86,10 @@ class Facts:
     """All that a verdict rests on.
 
     refit: name -> (device file's, refitted) linear parameter; left: what no effect of the library
-    explains beside what was found, other: the same in its place; sound, free: what held-out data
-    say; bad: why the fit is no answer, "" for nothing; level: another to record; law: one of no
-    name, instead: whether it explains better what names do; lost: what an error took, "" for
-    nothing; masses: of the device's chain.
+    explains beside what was found, other: the same in its place; sound, free: results on held-out
+    data; bad: why the fit is no answer, "" for nothing; level: another level to record; law: one
+    without a name, instead: whether it explains better what named effects do; lost: what an error
+    removed, "" for nothing; masses: of the device's chain.
     """
 
     findings: Sequence[Finding]

@@ -430,8 +430,8 @@ def _inadequate(sound: Adequacy) -> str:
 def where(located: Located, masses: int) -> str:
     """Say where the refitted device and the recording differ, before anything has a name.
 
-    Of places and states whose force explains about as much as the best one's, all are said: the
-    order of such near values does not tell on which of them the force depends.
+    If several places and states have forces that explain about as much as the best one, all are
+    named, since such small differences do not show on which of them the force depends.
     """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:
