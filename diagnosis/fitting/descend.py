@@ -1,16 +1,16 @@
 """Local descent: gradients and step lengths are evaluated side by side, each as a population.
 
-Gauss and Newton's step, damped as by Levenberg and Marquardt: with r the weighed innovations and J
-their slopes,
+The step of Gauss and Newton with the damping of Levenberg and Marquardt: with the weighted
+innovations r and their slopes J,
 
     (J'J + m diag(J'J)) d = -J'r,
 
-for several m at once, since a lane more costs little; the cheapest x is gone on from. Slopes are
-differences over a width of each parameter: what creases (friction that lets go, play that is
-crossed, a limit that is met) shows no slope over less than some hundredth of what the recording
-tells apart, and is smooth over more.
+for several m at once, since one more lane costs little; the fit continues from the x of least cost.
+Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
+is crossed, a limit that is met) the cost shows no slope over less than about a hundredth of what
+the recording can distinguish, and is smooth over more.
 
-Limits: as every descent it ends in the valley in which it began. The cost is that of `Landscape`.
+Limits: like every descent it ends in the valley in which it began. The cost is that of `Landscape`.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ FARTHEST = 5.0  # in x, that one step goes at most
 class Descended:
     """Where a descent ended: x, its cost, and how many rounds it made.
 
-    slopes: of the last round, where its step gained too little for another: they hold at x then.
+    slopes: of the last round, if its step gained too little for another round: they hold at x then.
     """
 
     x: Floats
@@ -49,7 +49,7 @@ class Descended:
 class Slopes:
     """Slopes (samples + priors, x) of the residual at x, and what else was asked to have them.
 
-    beside: the x of the differences; costs: of these.
+    beside: the x at which the differences were taken; costs: at these.
     """
 
     residual: Floats
@@ -61,7 +61,8 @@ class Slopes:
 def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slopes:
     """Return residual and slopes at x, in one call for all.
 
-    both: differences to both sides, for what has creases. What no output turns on is not simulated.
+    both: differences to both sides, for models with creases. Parameters that no output depends on
+    are not simulated.
     """
     parameters = ground.model.parameters
     read = [i for i, p in enumerate(parameters) if is_read(p, ground.problem.experiments)]
@@ -94,8 +95,8 @@ def descend(
 ) -> Descended:
     """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`).
 
-    first: whether slopes to one side do, as where another descent follows. Four recordings of the
-    account lost no name by it, and 10 to 13 % of their simulations.
+    first: whether one-sided slopes suffice, as when another descent follows. On four recordings of
+    the account this lost no effect, and saved 10 to 13 % of their simulations.
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)

@@ -1,7 +1,7 @@
 """Fits a model to recordings under one fixed observer.
 
-chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, gain of the observer and deviations s fixed.
-What goes downhill in it is `fitting.descend`.
+chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, with fixed gain of the observer and fixed
+deviations s. `fitting.descend` minimises it.
 """
 
 from collections.abc import Sequence
@@ -55,7 +55,7 @@ class Problem:
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other.
 
-        `WORST` where the model runs away, or moves too fast to be followed.
+        `WORST` if the model runs away, or moves too fast to be followed.
         """
         return self.weighted_each(model, [x])[0]
 

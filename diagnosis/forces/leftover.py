@@ -4,16 +4,16 @@ A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / per
 
     1, velocity, acceleration of a mass, or deflection and its rate of a link,
 
-s time or the position of m1. With g = F' r (`forces.spatial`) the chi-square that such a force
-would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n the mean of
-|G|^2 over `DRAWS` drawn residuals: with the residual's own smoothed spectrum and envelope, since
-noise is never quite white near a resonance and, where samples come at uneven times, is larger where
-motion is fast; for q = 1, where a hum is a line of that very spectrum, white ones and the lines
-around, many and few: an antiresonance is narrow. The best of all lines of all families is held
-against what the best of as many lines of white noise exceeds once in `odds` recordings. Slow
-warming is a line of low frequency.
-What a refit absorbs is taken off the residual and off the noise: a damper that sways once over all
-travel is nearly a damper. Limits: q is what the observer predicts.
+s is time or the position of m1. With g = F' r (`forces.spatial`), such a force would gain a
+chi-square of 2 |G|^2 / n, where G is the spectrum of g q over s: one FFT gives all periods. n is
+the mean of |G|^2 over `DRAWS` residuals drawn at random with the residual's own smoothed spectrum
+and envelope, because noise is never quite white near a resonance and, with irregular sampling, is
+larger where motion is fast. For q = 1, where a hum is a line of that very spectrum, n comes from
+white residuals and from the lines around, over wide and narrow neighbourhoods, since an
+antiresonance is narrow. The best line of all families is compared with the value that the best of
+as many lines of white noise exceeds once in `odds` recordings. Slow warming is a line of low
+frequency. What a refit absorbs is removed from the residual and from the noise: a damper that
+varies once over the whole travel is nearly a damper. Limits: q is the observer's prediction.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -79,7 +79,8 @@ class Leftover:
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     """Return the strongest line in what a fitted model leaves.
 
-    Sought in innovations that are whitened coarsely: a fine filter takes a strong line for noise.
+    It is sought in coarsely whitened innovations, since a fine filter takes a strong line for
+    noise.
     """
     problem, fitted = _coarsely(problem, fitted)
     off = Complement(fitted.jacobian)
@@ -129,7 +130,7 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
 class Family:
     """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, of many periods.
 
-    factor: q at every tick of every recording; bins: of s where it is no time, None else; kept:
+    factor: q at every tick of every recording; bins: of s if it is not time, None otherwise; kept:
     which lines of the spectrum; periods: of those.
     """
 
@@ -160,7 +161,7 @@ class Family:
 def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iterator[Family]:
     """Every family; of forces that repeat over position alone those beside a ripple at m1.
 
-    The library has one ripple and springs: what is sought here are the harmonics of another shape.
+    The library has one ripple and springs. Here harmonics of another shape are sought.
     """
     n = states[0].shape[1] // 2
     places = map(str, masses_and_links(n))

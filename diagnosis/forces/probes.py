@@ -1,16 +1,16 @@
 """Is a named effect really something similar that the library lacks? Fitted to convergence.
 
-A drag that carries much of the motion turns it over, and so does a stop; a force added to the
-recording does not follow it there (`forces.unknown`). So what was named is exchanged for a law
-of no library, simulated and fitted like any effect, observer and all:
+A drag that carries much of the motion changes it completely, and so does a stop; a force added to
+the recording does not follow such a change (`forces.unknown`). So a named effect is replaced by a
+law of no library, which is simulated and fitted like any effect:
 
     quadratic_drag, alone or with any one other effect      a drag whose power is free
     what follows position at m1, each alone and all of it   a spring met on one side only
     force_ripple, alone, with any one other and with all    a force of four harmonics
 
-Likelier by `rather`, its unknowns paid, it is physics of no library: a cube passes for a square
-and some friction, a stop for a spring that stiffens and some gravity, a magnet's detent for a
-ripple and an eccentric encoder.
+If that is likelier (`rather`), after the penalty for its unknowns, it is physics of no library. For
+example, a cubic drag resembles a quadratic one and some friction, a stop resembles a spring that
+stiffens and some gravity, a magnet's detent resembles a ripple and an eccentric encoder.
 """
 
 import math

@@ -1,22 +1,23 @@
 """Unknown physics that a fast observer hides: searched with slower ones, judged by likelihood.
 
-What is missing and has no name is let in as a force of free shape at one place,
+Missing physics without a name is modelled as a force of free shape at one place,
 
     f = sum over bins of a state (position, velocity, command, time) of a_i in bin i,
     f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate, or
     f = a v^3,
 
-the second a damper, mass or spring that drifts, the third what a drag by another power leaves.
-Under a slower observer, which takes no motion for disturbance, least squares
-gives the a off the refit's span; the best shapes are then added to the recording as a known force,
-and what counts is how much likelier the recording is with it, each under its own likeliest
-observer. The force is computed along the motion that the model with it predicts, from one turn to
-the next. Limits: a force that turns the motion over is not followed to its end in so few turns.
+the second form describes a damper, mass or spring that drifts, the third the remainder of a drag
+with another power. Under a slower observer, which takes no motion for a disturbance, least squares
+gives the a, orthogonal to the refit. The best shapes are then added to the recording as a known
+force. The criterion is how much likelier the recording is with the force, each under its own
+likeliest observer. The force is computed along the motion that the model with it predicts, and
+again in each round. Limits: a force that changes the motion completely is not found in so few
+rounds.
 
-A library name may fit what is of no library: a hum rings like a mode without damping, the cube of a
-velocity is nearly its square and some friction. So for each of the names, and all together, what
-repeats most and the cube of a velocity are tried in their place (`instead`); where such a force is
-likelier with no more unknowns, what was found has no name.
+A named effect may fit unknown physics: a hum resembles a mode without damping, the cube of a
+velocity resembles its square and some friction. So for each named effect, and for all together, the
+strongest repeating force and the cube of a velocity are tried in its place (`instead`). If such a
+force is likelier with no more unknowns, the finding has no name.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -142,8 +143,8 @@ class Instead:
 def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None:
     """Return the likeliest force of free shape beside a fitted model, on all of the recordings.
 
-    None where no slower observer holds the device. Nothing is fitted here that is kept, so that the
-    recordings may be those that the fit was held out from.
+    None if no slower observer follows the device. The result is not kept in any fit, so the
+    recordings may be held-out ones.
     """
     best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
@@ -210,8 +211,8 @@ def instead(
     """Return a force of no library that explains more than some effects, with fewer unknowns.
 
     without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
-    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood,
-    under its own likeliest observer.
+    inertia that varies with position, and the strongest repeating or drifting force. Each is judged
+    by likelihood, under its own likeliest observer.
     """
     n = final.model.acting(final.x).chain.masses.size
     named = final.x.size - without.x.size
@@ -250,8 +251,9 @@ def instead(
 def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
     """The inertia of m1 that repeats over its position and explains most, of few periods.
 
-    An eccentric encoder is its twin by a change of coordinates, but for command and dampers, and
-    what of it a refit does not absorb shows on other lines of the spectrum than its own.
+    An eccentric encoder is equivalent to it by a change of coordinates, except for command and
+    dampers, and the part that a refit does not absorb appears on other lines of the spectrum than
+    its own.
     """
     positions = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, fitted)])
     spacing = 0.5 / float(np.ptp(positions))
@@ -267,7 +269,7 @@ def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Left
 def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
     """The line at the period that explains most, between its neighbours.
 
-    A wave of few periods over the travel lies far from any line of the spectrum over it.
+    A wave of few periods over the travel is far from any line of the spectrum over it.
     """
     n = fitted.model.acting(fitted.x).chain.masses.size
 
@@ -328,7 +330,7 @@ def _if_followed(
 def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family: Family) -> Forced:
     """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
 
-    view, fitted: where the strengths were found; family: of the noise in the first turn.
+    view, fitted: where the strengths were found; family: of the noise in the first round.
     """
     found, strength, shape = np.inf, one.strength, one.shape
     ratio, model = view.observer.ratio, fitted.model
@@ -376,7 +378,7 @@ def _solved(
 ) -> tuple[Floats, float]:
     """Return the strengths that explain most off the refit's span, and the chi-square gained.
 
-    None of it where the model answers a force by an overflow.
+    None of it if the model answers the force with an overflow.
     """
     left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
     if not np.isfinite(matrix).all():

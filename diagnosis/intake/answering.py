@@ -1,21 +1,22 @@
 """Regression of the motion of a roughly known device on its command.
 
-One step ahead the prediction of a linear device is linear in its command. With a scale s of the
-command, n samples by which it acts earlier than it is written down, and d the shares by which
-masses, springs and dampers are off,
+One step ahead, the prediction of a linear device is linear in its command. Let s be a scale of the
+command, n the number of samples by which it acts earlier than recorded, and d the relative errors
+of masses, springs and dampers. Then
 
     e(s, n, d) = y + s u_n + sum_i d_i (y_i' + s u_in'),
 
-y the innovations of what was measured without any command, u_n those of the command alone, as much
-earlier (the device does not know when it is), y' and u' their slopes. Beside that stands what
-commonly acts and no device file knows, with the sign that it has in nature: on each mass viscous,
-dry and quadratic drag that resist, a spring that holds, a constant force. What drives a device is
-told by what is left of e: with an s or an n, and without.
+where y are the innovations of the measurement without any command, u_n those of the command alone,
+advanced by n samples (the device does not depend on time), and y' and u' their slopes. Forces that
+are common and in no device file are added, with the sign that they have in nature: on each mass
+viscous, dry and quadratic drag that resist, a spring that holds, a constant force. What remains of
+e, with an s or an n and without, shows what drives the device.
 
-The product s d makes it a regression in turns: s without d first, then with d at the s before. At
-s = 0 a device that is off has no command to answer to either, which a regression about s = 1 does
-not know: there a wrong mass makes up for a command that is a thousand times too large. Of a rigid
-body s and 1 - d are one factor, so d has a narrow prior, which leaves to s what either explains.
+The product s d makes this an alternating regression: first s without d, then d at the s before. A
+device that is off (s = 0) does not answer to a command at all, which a regression about s = 1 does
+not represent: there a wrong mass would compensate a command that is a thousand times too large. For
+a rigid body s and 1 - d are one factor; so d has a narrow prior, which assigns to s what either
+explains.
 """
 
 from collections.abc import Sequence
@@ -100,9 +101,9 @@ class Left:
 class Answering:
     """A recording under one observer.
 
-    resists: forces (ticks, n) that act with their sign; free: those of either. margin: samples by
-    which a command may act earlier or later. Raises NoObserver where none follows. What is asked of
-    one that is not `usable`, since its numbers are not finite, is without meaning.
+    resists: forces (ticks, n) with a known sign; free: those of either sign. margin: samples by
+    which a command may act earlier or later. Raises NoObserver if there is none. For a column that
+    is not `usable`, because its numbers are not finite, the result has no meaning.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class Answering:
     def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
         """Return what is left with the command so many times and samples earlier.
 
-        scale: None for the one that leaves least, from `lowest` on.
+        scale: None for the one of least error, from `lowest` on.
         """
         own, drives = self._flat(self.own), self._flat(self.command, earlier)
         if scale is not None:
@@ -212,7 +213,7 @@ def _bounded(
 ) -> tuple[Floats, Floats]:
     """Return z within bounds that leaves least of own + columns z, and what it leaves.
 
-    In the mean square, prior times z squared beside it.
+    In the mean square, plus prior times z squared.
     """
     size = np.sqrt(np.maximum(np.mean(columns**2, axis=0), 1e-300))
     unit = columns / size

@@ -1,22 +1,22 @@
 """Velocities that are differences of encoder counts: converted back to the position.
 
-    v_k = a v_(k-1) + (1 - a) c_k s / T,    c_k whole, s the encoder's step, a = 0 unfiltered.
+    v_k = a v_(k-1) + (1 - a) c_k s / T, where c_k are whole numbers, s is the encoder's step, and a
+    = 0 means unfiltered.
 
-Taken as a velocity under white noise, such a channel says little: its error is that of a position
-differenced, so what it knows of slow motion is thrown away. But (v_k - a v_(k-1)) T / (1 - a) s is
-whole in every sample, which chance does not do, so s and a are found to all digits, and the sum of
-c_k is the encoder's reading, exact up to where it began.
+Used as a velocity with white noise, such a channel has little information: its error is that of a
+differenced position, so what it says about slow motion is lost. But (v_k - a v_(k-1)) T / (1 - a) s
+is whole in every sample, which does not happen by chance. So s and a are found to all digits, and
+the sum of c_k is the encoder's reading, exact except for its start.
 
-The step is the device file's, or that of the values themselves. The filter's a: where the encoder
-stands, v_k = a v_(k-1) again and again; or, the step known, the a under which all are whole. What a
-drive measures by its own clock, or rounds to steps of a velocity, is no difference of a position: a
-step that no device file vouches for has to show errors that turn with every sample, as differences
-of a position do.
+The step is the device file's, or that of the values themselves. The filter's a comes from the ratio
+v_k / v_(k-1) while the encoder stands still, or, with the step known, is the a for which all c_k
+are whole. A velocity that a drive measures by its own clock, or rounds to steps of a velocity, is
+no difference of a position. So a step that is not in the device file must have errors that
+alternate from sample to sample, as differences of a position have.
 
-Limits: a position so found has an origin of its own in every recording, where nothing tells it. Of
-two masses the difference of both is a stretch of their link that is always there, which two
-constant forces would be as well: it is a number of its own (`open_zeros`).
-Filters of higher order, and means, are left as they are.
+Limits: such a position has its own unknown origin in every recording. For two masses the difference
+of the origins is a constant stretch of their link, which two constant forces would also cause; it
+is a parameter of its own (`open_zeros`). Filters of higher order, and means, are left as they are.
 """
 
 from collections.abc import Sequence
@@ -49,8 +49,8 @@ ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 class Counted:
     """A position counted in steps, and the filter of the velocity that it was found from.
 
-    known: whether the device file's step and the counts themselves say that it is one. turned,
-    size: how its errors turn from sample to sample, and their square.
+    known: whether both the device file's step and the counts confirm it. turned, size: correlation
+    of its errors from sample to sample, and their square.
     """
 
     position: Floats
@@ -70,8 +70,9 @@ class Counted:
 def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
     """Return recordings with the positions that velocities of all of them were counted from.
 
-    What was read so is said in the notes of each. Of several recordings only where the device has
-    nothing that depends on position: each would have an origin of its own.
+    The notes of each recording name what was read in this way. Several recordings are only
+    converted if nothing in the device depends on position, since each would have an origin of its
+    own.
     """
     if not experiments or (len(experiments) > 1 and _placed(device)):
         return list(experiments)
@@ -92,7 +93,7 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
 def open_zeros(device: Device, experiments: Sequence[Experiment]) -> Device:
     """Return the device whose zeros are as open as positions that were counted leave them.
 
-    A link is stretched where a recording begins by as much as it is later on, or by about that.
+    The stretch of a link at the beginning of a recording is taken as about that of later on.
     """
     apart = [device.uncertainty.zeros]
     for e in experiments:
@@ -221,7 +222,7 @@ def _spiked(counts: Floats) -> bool:
 def _turning(each: Sequence[Counted]) -> bool:
     """Whether errors turn from sample to sample, as those of a position that is differenced.
 
-    Those of all recordings together: motion that is quick hides it in one of them.
+    Those of all recordings together, since fast motion hides it in one of them.
     """
     told = [c for c in each if not c.known]
     size = sum(c.size for c in told)

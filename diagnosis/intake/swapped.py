@@ -1,17 +1,16 @@
 """Detects columns described in exchanged order: two outputs, or the command and a motion.
 
-Two outputs of one quantity at two masses are read the other way round, and the better prediction
-by the device file decides, by much (a device file is off by half in every number). A command that
-stands where a motion should jumps where nothing with a mass can, and the motion that stands in its
-place drives it: beside drag, friction and a device file that is off (`intake.answering`), with u
-and y exchanged and any scale,
+Two outputs of one quantity at two masses are exchanged if the device file then predicts them much
+better (a device file may be wrong by half in every number). A command in place of a motion jumps as
+nothing with a mass can, and the motion in its place drives it. With drag, friction and errors of
+the device file (`intake.answering`), and with u and y exchanged and any scale,
 
-    what the command leaves of the squares of e, over what is left without any command,
+    the share of the squares of e that remains with the command, over the share without any command,
 
-is less than half of what it is as described. Of a command of one tone nothing tells: each of two
-sines is the other, scaled and late. Less than two periods are no tone, but what moves once to and
-fro. Nor does anything tell of a drive that was switched off meanwhile. Outputs are exchanged again;
-a command and a motion are not, since each was converted by the other's unit.
+is then less than half of its value as described. A command of one tone shows nothing, since each of
+two sines is the other, scaled and delayed. (Less than two periods are no tone.) A drive that was
+switched off in between shows nothing either. Outputs are exchanged automatically; a command and a
+motion are not, since each was converted with the other's unit.
 """
 
 import itertools
@@ -93,7 +92,8 @@ def _gains(
 ) -> tuple[float, float]:
     """By how much the second of two errs less than the first, in mean log rms innovation.
 
-    Under the observer under which that is most, and each under its best; 0 where none follows both.
+    The first under the observer that makes it largest, each other under its best; 0 if no observer
+    follows both.
     """
     as_is, turned = (_errors(device, one, outputs) for one in both)
     common = as_is.keys() & turned.keys()
@@ -130,7 +130,7 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float
 def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
     """What an output, as the command, leaves of the command, over what that leaves of it.
 
-    1 where nothing tells.
+    1 if it cannot be determined.
     """
     y, u = e.measured[:, o], e.command
     tones = one_tone(u) and (periods(u) >= 2 or one_tone(y, 0.9))

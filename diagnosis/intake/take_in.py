@@ -1,8 +1,8 @@
 """Prepares recordings for the diagnosis: checks, corrects, and leaves out unusable parts.
 
-Whether a sign or a unit of a recording is wrong is a hypothesis beside physics. The gate says what
-is suspected; each way to read the recordings (`readings`) is searched for physics, and what costs
-least is kept (`likeliest`).
+A wrong sign or unit of a recording is a hypothesis beside physics. The gate lists what is
+suspected; each way to read the recordings (`readings`) is searched for physics, and the one of
+least cost is kept (`likeliest`).
 """
 
 import math
@@ -48,11 +48,11 @@ NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 class Taken:
     """Recordings whole, the part of each to fit on, and what is to judge.
 
-    faults: what is odd about them; folded: by which factor they are better folded out, or 1.
-    whole_unopened: the held-out data are a part of them, and not other recordings. left_out: places
-    of those that an error cost. misread: place in fit_on and fault of each correction that another
-    way to read them does without; doubted: whether a recording to judge by is suspected. device:
-    what they are of, its zeros as open as they leave them.
+    faults: what is wrong with them; folded: by which factor they are better unfolded, or 1.
+    whole_unopened: the held-out data are a part of them, and not other recordings. left_out:
+    indices of those that an error prevented. misread: index in fit_on and fault of each correction
+    that another reading does without; doubted: whether a validation recording is suspected. device:
+    of these recordings, with its zeros as free as they require.
     """
 
     device: Device
@@ -72,7 +72,7 @@ def take_in(
 ) -> Taken:
     """Take recordings in as they are likeliest to be read, by a quick search of each reading.
 
-    As they are where an error ended such a search: what it did not try tells nothing of a reading.
+    Unchanged if an error ended such a search, since its result then says nothing about a reading.
     Raises as `readings` does.
     """
     refuse_unknown_words(experiments, validate or ())
@@ -98,13 +98,13 @@ def readings(
 ) -> list[Taken]:
     """Return the ways to read recordings: as they are, and at most two others that are suspected.
 
-    Velocities that were worked out from positions are left out (`intake.derived`), those that are
-    an encoder's counts taken as the positions counted (`intake.counted`). Each recording is folded
-    out, its columns put in their places (`intake.swapped`), its command brought to when it acts
-    (`intake.late`), corrected by what is suspected of it, and taken held or smooth. One to judge by
-    is corrected where one to fit on is by the same factor. An error in one of several costs that
-    one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an
-    error leaves none.
+    Velocities that were computed from positions are left out (`intake.derived`); those that are an
+    encoder's counts become positions (`intake.counted`). Each recording is unfolded, its exchanged
+    columns are put right (`intake.swapped`), its command is shifted to when it acts
+    (`intake.late`), suspected faults are corrected, and the command is taken as held or smooth. A
+    validation recording is corrected if one of the fit is corrected by the same factor. An error in
+    one of several recordings loses only that one. Raises ExperimentError if the only one cannot be
+    used, and NotDiagnosed if an error leaves none.
     """
 
     def looked_at(e: Experiment) -> _Looked:
@@ -152,7 +152,7 @@ def readings(
 class _Looked:
     """A recording folded out, by which factor that is better, what is odd, what is suspected.
 
-    certain: whether that is due whatever physics is.
+    certain: whether the correction is due with any physics.
     """
 
     experiment: Experiment
@@ -223,14 +223,13 @@ def said_once(faults: Sequence[Fault]) -> list[Fault]:
 def misread_price(taken: Taken) -> float:
     """Return what a reading costs beside what is explained under it, in -2 ln.
 
-    What was measured is y, and what a reading predicts is z = s y of an output that it corrects by
-    s. Of n samples
+    y was measured, and a reading that corrects an output by s predicts z = s y. For n samples
 
         p(y) = |s|^n p(z),    -2 ln p(y) = -2 ln p(z) - 2 n ln |s|:
 
-    the misfit under z grows by 2 n ln |s| for its larger unit alone, which this takes back. A fault
-    of several recordings alike is one; else each has its own odds, and a factor that is no unit is
-    one of the 2 ln 1000 / width that it could have been.
+    so the misfit under z grows by 2 n ln |s| because of its larger unit alone, which is subtracted
+    here. The same fault in several recordings counts once; otherwise each has its own odds, and a
+    factor that is no unit is one of the 2 ln 1000 / width that it could have been.
     """
     price = 0.0
     for place, fault in taken.misread:
@@ -257,8 +256,8 @@ def likeliest(
     """Return the reading that costs least, with what a search under it found.
 
     search: gives the cost of the best hypothesis under a reading and what it found, or raises
-    NoObserver, after which that reading is none. Raises NoObserver where no reading is left. What
-    another correction explains as well is said with the fault.
+    NoObserver, which excludes that reading. Raises NoObserver if no reading is left. If another
+    correction explains the recording equally well, the fault says so.
     """
     found: list[tuple[float, Taken, Result]] = []
     last: NoObserver | None = None
@@ -301,7 +300,7 @@ def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
 def judged_anew(taken: Taken, found: Device) -> Taken:
     """Correct recordings to judge by where the device that was found says what is wrong with them.
 
-    No search sees them, and what is suspected by the device file alone may be physics.
+    No search sees them, and what the device file alone makes suspicious may be physics.
     """
     if not taken.doubted:
         return taken
@@ -355,7 +354,7 @@ def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
 def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     """Take a command as smooth between samples where that explains the motion much better.
 
-    Or where the device file says that it is.
+    Or if the device file says so.
     """
     if device.interface.command_hold == "smooth":
         return smooth(e), []

@@ -48,7 +48,7 @@ def asked_unit(factor: float, command: bool) -> str | None:
 def nearest_unit(factor: float, rotary: bool) -> float:
     """Return the common unit, or 1 for none, that a factor is near, itself where it is near none.
 
-    What tells a factor is a device file, which may be rough.
+    The factor is found from a device file, which may be inaccurate.
     """
     common = TURNING if rotary else ALONG
     every = [1.0, *common, *(1.0 / u for u in common)]
