@@ -1,16 +1,16 @@
 """Limits an internal error to one candidate, recording or picture; the rest continues.
 
-A diagnosis works for minutes, and what it has found must not be lost to a mistake in what comes
-after. So whatever can be spared runs inside `isolated`, which says in which stage it is and what of
-it is lost if it fails:
+A diagnosis takes minutes, and an error in a later step must not lose the earlier results. So
+everything that can be spared runs inside `isolated`, which names the stage and what is lost if it
+fails:
 
     with isolated("separation", "coulomb_friction at m1"):
         ...
 
-An error in there is named in one line and kept for report and JSON by the nearest `collecting`, and
-what follows goes on. Without `collecting` around it, and with ZWIDTH_DEBUG=1, errors go through. An
-interruption (KeyboardInterrupt) always does. What a model says by an exception (`NoObserver`) is
-caught where it is asked, and never comes so far.
+An error in there is reported in one line and kept for report and JSON by the nearest `collecting`,
+and the next step continues. Without `collecting`, or with ZWIDTH_DEBUG=1, errors propagate. An
+interruption (KeyboardInterrupt) always does. `NoObserver`, by which a model reports a state of
+affairs, is caught where it is expected and never comes this far.
 """
 
 import os
@@ -85,7 +85,7 @@ _COLLECTOR: ContextVar[Mishaps | None] = ContextVar("collector", default=None)
 def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
     """Have `isolated` keep its errors; inside another `collecting`, that one goes on to.
 
-    say: is given one line an error.
+    say: receives one line per error.
     """
     outer = _COLLECTOR.get()
     if outer is not None:

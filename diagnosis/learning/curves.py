@@ -1,28 +1,28 @@
 """A law of no name, learned: a table over one state at one place, fitted like any effect.
 
-Where no name is adequate, what is missing is let in as a table of points (`sim/physics/free_law`):
-over position or velocity at each mass, over what each link gives way, over the command, over what
-the sensor reads, and over one turn of what a ripple repeats by. Where such a table gains most is
-told to first order (`where`). The best are fitted to their end, observer and linear parameters with
-them, and cost what every hypothesis costs; of those that stay with twice as many points as well,
-and as what repeats (`repeating`).
+If no effect of the library is adequate, the missing law is represented by a table of points
+(`sim/physics/free_law`): over position or velocity at each mass, over the deflection of each link,
+over the command, over the reading of the sensor, and over one period of what repeats. A fit of few
+rounds shows where such a table gains most (`where`). The best are fitted to the end, together with
+observer and linear parameters, and cost what every hypothesis costs. Those that remain are also
+fitted with twice as many points, and as periodic laws (`repeating`).
 
-Names come first, and under a law that none of them is they take what they can of it: friction the
-step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
-each with all of its points; and of the names beside it each is asked, by the one criterion of
-`selection.evidence`, whether it is believed over its absence now that the table may take its part.
-What is not goes: it was part of the curve. So does a change of a parameter that the law explains as
-well. Then the table keeps the points that pay (`knots`). What follows the same state at the same
-place still, is one law with it for whoever reads it (`together`): the curve of both is known better
-than either.
+Named effects are found first. If none of them is the true law, they imitate what they can of it:
+friction imitates the step of a piecewise line. So the table is fitted beside the names and in place
+of all of them, each with all of its points. Each name beside it is then tested, by the one
+criterion of `selection.evidence`: is it believed over its absence, now that the table may take its
+part? A name that is not is removed; it was part of the curve. So is a change of a parameter that
+the law explains as well. Then the table keeps the points that pay (`knots`). Named effects that
+still follow the same state at the same place are reported with the law as one curve (`together`),
+which is known better than either.
 
-The band of a curve is what the fit does not know of its points, and what a curve through so few
-points cannot be (`tables.left_out`).
+The band of a curve includes the uncertainty of its points, and the error of a curve through so few
+points (`tables.left_out`).
 
-Limits: one state at one place; a law of two is found as far as one shows it, and then asked for
-(`surfaces`). What is steep near rest no table holds, and friction stays a name. The straight part
-of a table of velocity is a damper, that of a table of position a spring: what of it is which, only
-the device file says.
+Limits: one state at one place. A law of two states is seen as far as one state shows it, and is
+then sought (`surfaces`). No table represents a steep part near rest, so friction stays a named
+effect. The straight part of a table over velocity is a damper, that of a table over position a
+spring; only the device file determines how the sum is divided.
 """
 
 import math
@@ -81,13 +81,13 @@ STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  #
 class Learned:
     """A law that was learned, with what it is beside the names.
 
-    states, forces, lower, upper (points,): the curve and its 95 % band, from the point that is held
-    where a constant is another origin; covariance (points, points) of the forces. seen (samples,):
-    the states that were visited. names: that stay beside it; absorbed: that were part of the curve,
-    as it turned out; replaced: these, and all others that are not needed beside it. together: the
-    curve with the names that follow the same state there, None where none does. one_way: whether it
-    is held to rise or fall.
-    gained: over the names alone, in -2 ln, all paid.
+    states, forces, lower, upper (points,): the curve and its 95 % band, relative to the point that
+    is held if a constant is equivalent to another origin; covariance (points, points) of the
+    forces. seen (samples,): the states that were visited. names: effects that stay beside it;
+    absorbed: those that turned out to be part of the curve; replaced: these, and all others that
+    are not needed beside it. together: the curve plus the named effects that follow the same state
+    there, None if none do. one_way: whether it is constrained to rise or fall. gained: over the
+    named effects alone, decrease of -2 ln likelihood, less all penalties.
     """
 
     physics: Physics
@@ -158,8 +158,8 @@ def learn(found: Search, say: Say) -> Learned | None:
 class Table:
     """A law of many points beside a hypothesis, before it is fitted.
 
-    first: the tables that a fit begins from; begun: some rounds downhill from the first, where
-    these were made.
+    first: the tables that a fit begins from; begun: these after some rounds of the fit, if any were
+    made.
     """
 
     base: Hypothesis
@@ -191,9 +191,10 @@ class Table:
 def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
     """Return the laws of many points that are worth fitting beside what a hypothesis has.
 
-    Over the states that its names follow, where each acts: what a name leaves of its own shape.
-    After a few rounds downhill such a table runs freer where a law is, and not where the names are
-    all there is: a small part of what it takes to learn one tells.
+    Over the states that the named effects follow, at their places: what a named effect does not fit
+    of its own shape. After a few rounds such a table improves free runs if there is a law, and does
+    not if the named effects are everything. This takes a small part of the time that learning a law
+    takes.
     """
     say("checking whether a learned curve would improve free runs")
     names = base.model.effects_at(base.x)
@@ -215,8 +216,8 @@ def _fits(tables: Iterable[Table], say: Say) -> Iterator[Begun]:
 def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:
     """Yield laws that are believed over names of which they need two or more no longer.
 
-    Each in the place of all names; beside them as well, and then of those that pay, where there are
-    so many that one may stay. hopeful: as of `laws`.
+    Each is fitted in place of all names; those that pay also beside the names, if one of these may
+    stay. hopeful: as in `laws`.
     """
     many = len(found.best.model.effects)
     if many < LAWS.stands_for:
@@ -234,9 +235,9 @@ def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Le
 def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
     """Whether one of the names beside a law of what it leaves costs less than a law without it.
 
-    Names come first: a cubic spring that is not quite cubic is one, and what it leaves is another
-    matter. Of a law that is in no library a name leaves as much to say as there was. Asked of names
-    that were fitted alone, as a search begins.
+    Names have precedence: a cubic spring that is not quite cubic is still one, and what it does not
+    fit is a separate matter. If a law is in no library, a named effect leaves as much unexplained
+    as there was. The names are tested as fitted alone, as at the start of a search.
     """
     h, law = curve.hypothesis, curve.physics
     for one in found.best.model.effects:
@@ -266,9 +267,9 @@ def laws(
 ) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
-    The order is that of what the points that pay promise. hopeful: whether a table of all its
-    points is worth the search for those that pay, which takes some twenty fits. tables: those that
-    are asked; without, all beside the names, and all in their place.
+    In the order of the gain that the points that pay promise. hopeful: whether a table of all its
+    points is worth the search for those that pay, which takes about twenty fits. tables: those that
+    are tried; without, all beside the names, and all in their place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     if tables is None:
@@ -346,8 +347,8 @@ def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
 def _over_turns(base: Hypothesis) -> Iterator[Table]:
     """Yield laws of one turn in the place of each ripple of a hypothesis.
 
-    A ripple is one sine of what repeats; what repeats may have any shape. It begins as that sine,
-    and as nothing.
+    A ripple is one sine; what repeats may have any shape. The fit starts from that sine, and from
+    zero.
     """
     for i, p in enumerate(base.model.effects_at(base.x)):
         if base.slopes is None or p.effect.name != "force_ripple" or p.place.kind != "mass":
@@ -368,9 +369,9 @@ def _over_turns(base: Hypothesis) -> Iterator[Table]:
 def _line(h: Hypothesis, site: Site) -> Physics:
     """The straight line that is nearest to the law that a hypothesis has last.
 
-    A spring, a damper or a scale is that, and a constant force or an origin where it is beside
-    nothing. It begins where the law is: a law over the command may have taken most of its scale
-    away, in a valley that no fit reaches from nothing.
+    Such a law is only a spring, a damper or a scale, with a constant force or an origin. Its fit
+    starts at this line and not at zero: a law over the command may have taken over most of the
+    scale, and no fit from zero returns from there.
     """
     force = law_at(h.model.effects_at(h.x)[-1], site.states)
     offset, slope = np.polynomial.polynomial.polyfit(site.states, force, 1)
@@ -383,7 +384,7 @@ def _fitted(
 ) -> Hypothesis | None:
     """A law beside what a hypothesis has, fitted; None where no observer follows.
 
-    x: where its other parameters begin, those of the hypothesis without.
+    x: where its other parameters start, those of the hypothesis without it.
     """
     model, start = beside(base.model, base.x if x is None else x, site, law)
     try:
@@ -417,8 +418,8 @@ def without_names(found: Search, h: Hypothesis) -> Hypothesis:
 def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     """The same with those names in the curve that follow its state and are not believed beside it.
 
-    Beside a table of all its points a name may pay for itself by making them smaller, and not any
-    more beside those that pay: so the curve that has its part is given its own points.
+    Beside a table with all its points, a name may pay for itself by making them smaller, and no
+    longer beside those that pay. So a curve that has absorbed a name is given points of its own.
     """
     for i, p in reversed(list(enumerate(h.model.effects_at(h.x)[:-1]))):
         if not follows(p, site.effect, h.model.effects[-1].place) or site.period > 0.0:
@@ -441,8 +442,8 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 def _alone(found: Search, h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     """The same without names that its own points have made needless.
 
-    Beside a table too coarse for a law a name pays for what the table cannot hold, whatever state
-    it follows: a corner over velocity looks like a gain that differs by direction.
+    Beside a table that is too coarse for a law, a name pays for what the table cannot represent,
+    whichever state it follows: a corner over velocity looks like a gain that differs by direction.
     """
     fewer = without_names(found, h)
     return h if fewer is h else _refined(fewer, site, phi)
@@ -495,9 +496,9 @@ def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
     """The same law over the position of a mass on a spring, as the device file counts positions.
 
-    Over q = y - d, d another origin, k the spring: -k q + f(q) = -k y + (f(y - d) + k d), so that
-    the curve moves by d with a constant k d, and nothing tells which is so. Limits: of the first
-    mass, with nothing beside the law that may follow a position.
+    With q = y - d, d another origin and k the spring, -k q + f(q) = -k y + (f(y - d) + k d). So the
+    curve shifted by d with a constant k d is equivalent, and the data do not decide. Limits: for
+    the first mass, if nothing else depends on a position.
     """
     law, swings = h.model.effects_at(h.x)[-1], {e.swing for e in h.experiments}
     k = h.model.build(h.x).chain.ground_spring
@@ -572,8 +573,8 @@ def _spread(
 ) -> Floats:
     """Covariance (points, points) of what is free of a law, at states s (points,).
 
-    A law u + f(u) over the command is known but for a scale c, c u + c f(u) = u + g(u): its bends
-    are said for the m1 that was fitted, and what c adds to it is a straight line.
+    A law u + f(u) over the command is known up to a scale c, since c u + c f(u) = u + g(u). Its
+    shape is given for the m1 that was fitted; c adds only a straight line to it.
     """
     told = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
     if site.effect != "free_amplifier":

@@ -1,10 +1,10 @@
 """Does a learned law generate energy? Its force times the velocity where it acts.
 
-A force over a velocity feeds the motion where f(v) v > 0. What of it is straight is its place's
-damper b as well as its own, so that what is asked is of both, f(v) - b v, with what has a name
-beside it. A force over a position, or over what a link gives way, is the slope of an energy: round
-any closed path it makes none. What enters by the command or the reading is the drive's doing, which
-is no part that could be passive.
+A force over velocity feeds the motion where f(v) v > 0. Its straight part cannot be distinguished
+from the damper b at its place, so the question is asked of both, f(v) - b v, with the named effects
+beside it. A force over position, or over the deflection of a link, is the slope of an energy, and
+generates none round any closed path. What enters through the command or the reading belongs to the
+drive, which need not be passive.
 """
 
 import numpy as np

@@ -1,36 +1,36 @@
 """Finds events that happen once in a recording, such as a push or a sensor slip, and when.
 
-A force a at a place from tick t on, for d ticks, that a model does not know leaves in its whitened
+A force a that a model does not contain, at a place from tick t on for d ticks, gives its whitened
 innovations
 
     r = a s(. - t) + e,    s_k = sum over i < d of h_(k-i),    e white,
 
-h the response of observer, device and whitening filter to one tick. With the matched filter g_t =
-sum_k h_k r_(t+k) and its running sum G, least squares over a gives for all t and d at once
+where h is the response of observer, device and whitening filter to a force of one tick. With the
+matched filter g_t = sum_k h_k r_(t+k) and its running sum G, least squares over a gives for all t
+and d at once
 
     a = (G_(t+d) - G_t) / |s|^2,    gain(t, d) = (G_(t+d) - G_t)^2 / |s|^2
 
-in chi-square, the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
-1976). A sensor that slips is the same with h the response to its reading. Residuals that are
-orthogonal to what parameters do gain more than this where the parameters move with it: it is a
-lower bound.
+in chi-square: the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
+1976). A slip of a sensor is the same, with h the response to its reading. If the parameters are
+fitted together with it, the gain is larger; so this is a lower bound.
 
-Chance. z = sqrt(gain) of every place and duration is measured in its own median over the
-recording, so that colour and missing physics, which raise it everywhere, raise no alarm. Of what
-is left the highest of each of n stretches is taken, and those over their median u lie beyond it
-by an exponential of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
-m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that was recorded,
+Chance. z = sqrt(gain) of every place and duration is divided by its own median over the recording,
+so that coloured noise and missing physics, which raise it everywhere, raise no alarm. The maximum
+of each of n stretches is then taken. Maxima above their median u exceed it by an exponentially
+distributed amount of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
+m = 2 for Gaussian noise). Chance exceeds a gain c somewhere in the recordings with
 
     P = n / 2 exp(-(c - u) / m),
 
-an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
-the largest mean excess over three thresholds, so that a recording in which such peaks are common
-has no events but a model that lacks something. That is asked before anything is fitted, too, with
-the `EVENTS.most` highest peaks set aside, which may be events and then are no chance.
+and an event is believed if P is less than `ALPHA` times the odds that something happens at all. m
+is the largest mean excess over three thresholds. A recording in which such peaks are common
+therefore has no events; its model lacks something. The same question is asked before any fit, with
+the `EVENTS.most` highest peaks excluded, since they may be events and not chance.
 
-Limits: at most `EVENTS.most` events; of those that last longer than 3 s or a fifth of the recording
-nothing is said. The answer h is that of the device without its nonlinear physics: it
-finds, and the kernel then fits (`learning.event_force`).
+Limits: at most `EVENTS.most` events; events that last longer than 3 s or a fifth of the recording
+are not found. The response h is that of the device without its nonlinear physics: it finds an
+event, and the kernel then fits it (`learning.event_force`).
 """
 
 import math
@@ -106,9 +106,9 @@ def happenings(
 ) -> tuple[Happened, ...]:
     """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
 
-    recordings: whole, without forces of events; fit_on: gives what parameters are fitted to where
-    some events are known. They are fitted anew with each, since what happened has bent them. Raises
-    NoObserver where none follows.
+    recordings: whole, without forces of events; fit_on: gives the recordings of the fit with some
+    events known. Parameters are fitted again with each event, since it has distorted them. Raises
+    NoObserver if there is none.
     """
     found: list[Happened] = []
     for _ in range(TURNS):
@@ -134,8 +134,8 @@ def happenings(
 def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
     """Return the highest peak of all, None where chance reaches it: nothing is fitted yet.
 
-    Under the likeliest noise of all recordings, which takes some of what happens for its own: what
-    still stands out of it does. Raises NoObserver where the recordings cannot be followed.
+    With the likeliest noise of all recordings, which includes part of an event; what still exceeds
+    it is one. Raises NoObserver if the recordings cannot be followed.
     """
     peak, chance = _searched(judged(recordings, h.model, h.x), (), EVENTS.most)
     return peak if peak is not None and peak.gain > chance.most else None
@@ -144,9 +144,9 @@ def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
 def set_apart(h: Hypothesis) -> list[Experiment] | None:
     """Return a hypothesis's recordings without what stands out most of chance; None where nothing.
 
-    Under its own noise, or under a slower one: where a force acts for long, the likeliest noise
-    takes it for disturbances. About a force the recording is cut, since under a device that lacks
-    physics it would hide some of that; a slip is taken off the reading, since it lasts.
+    With its own noise, or a slower one, since the likeliest noise takes a force that acts for long
+    for a disturbance. The recording is cut around a force, which would hide missing physics
+    otherwise; a slip is subtracted from the reading, since it is permanent.
     """
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
@@ -172,9 +172,9 @@ def _agreed(
 ) -> tuple[list[Happened], Hypothesis]:
     """Events, parameters and noise fitted in turn, until neither gains.
 
-    What is left of an event at parameters that it has bent looks like another, and noise that knows
-    nothing of an event takes its colour for its own: so each is fitted twice, first wherever it may
-    enter.
+    The remainder of an event, at parameters that it has distorted, looks like another event, and
+    noise that is fitted without the event includes it. So each is fitted twice, first wherever it
+    may enter.
     """
     before = math.inf
     for turn in range(TOGETHER):
@@ -197,8 +197,9 @@ def _believed(
 ) -> list[Happened]:
     """Those that stand out of what chance does where none of them is; the weakest is asked first.
 
-    One that goes is part of what chance does for the others. Beside others an event must stand out
-    where these alone are known and all is fitted to that, or it is what they have left.
+    An event that is dropped becomes part of the chance of the others. An event beside others must
+    be clear when only these are known and everything is fitted with them; otherwise it is a
+    remainder of them.
     """
     while found:
         _, chance = _searched(_judged(recordings, found, h), found)
@@ -222,7 +223,7 @@ def _judged(
 ) -> Hypothesis:
     """The hypothesis where events are known, under the noise that it has where it was fitted.
 
-    What happens in recordings that it was not fitted to, or beside what was set apart, is no noise.
+    An event in held-out recordings, or in a part that was set apart, is not noise.
     """
     there = with_events(recordings, found)
     if not h.family.whitening:
@@ -258,8 +259,8 @@ def _searched(
 ) -> tuple[Peak | None, Chance]:
     """The highest of all peaks, and what chance reaches in stretches beside known events.
 
-    aside: so many of the highest peaks are no chance either, but may be events yet unknown. Where
-    laws are nonsmooth, what Gaussian noise would not reach must stand out among like states too.
+    aside: number of highest peaks to exclude, which may be unknown events. With nonsmooth laws, an
+    event must also exceed chance among like states.
     """
     white, answers = _in_ticks(h), _answers(h)
     peak, chance = _standing_out(h, white, answers, known, aside)

@@ -22,8 +22,8 @@ SECOND = "_2"  # after the names of the second formula of a law of two
 def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float], said: str) -> str:
     """Return the file of an effect `name`, of a law of no name and the formula it looks like.
 
-    effect: the law's ("free_damper"); form, numbers: of the formula; said: where it is from.
-    Raises ValueError for a form that there is not.
+    effect: the law's ("free_damper"); form, numbers: of the formula; said: its origin. Raises
+    ValueError for an unknown form.
     """
     made = _length if effect == "free_sensor" else _force
     formula, parameters = _part(effect, form, numbers, made)
@@ -40,9 +40,9 @@ def law_of_two_text(
 ) -> str:
     """Return the file of an effect that is one formula over a state times one over another.
 
-    states: two of position, velocity and command; forms: form and numbers of each, the first of
-    which makes the force. shifts: the second is added to the first one's state instead. Raises
-    ValueError for a form that there is not.
+    states: two of position, velocity and command; forms: form and numbers of each, of which the
+    first gives the force. shifts: the second is added to the first one's state instead. Raises
+    ValueError for an unknown form.
     """
     makes = partial(_state, OF_STATE[states[0]]) if shifts else _number
     formulas: list[str] = []

@@ -1,15 +1,15 @@
 """The forms of a law over two states: a grid of forces, and two tables, as product or as shift.
 
-A surface is begun, fitted, spared points and drawn in the same way, whichever it is; what differs
-stands here: which of its numbers are free, what each adds to the force, and what a law of fewer
-points makes of them. Such a law has numbers y of which the first one's are z = offset + basis y.
+All surfaces are started, fitted, reduced and drawn in the same way. Only the differences are here:
+which of their numbers are free, what each adds to the force, and what a law of fewer points makes
+of them. Such a law has numbers y, from which the numbers of the full one are z = offset + basis y.
 
-A recording does not see all of a grid: of two states that swing, the corners are seldom met. Only
-forces that samples lie nearest to are free; the others are laid smoothly between and beyond them
-(the discrete Laplace equation, `filled`), and say nothing. Where another origin of positions does
-the same as a constant, one force is held. Of a product only the product is known, so that one
-number of its second table is held; of a shift another origin of what is shifted is the same, so
-that one shift is held.
+A recording does not visit all of a grid: of two oscillating states, the corners are seldom reached.
+Only forces that are nearest to some sample are free; the others interpolate and extrapolate them
+smoothly (the discrete Laplace equation, `filled`), and carry no information. If another origin of
+positions is equivalent to a constant, one force is fixed. Of a product only the product is known,
+so one number of its second table is fixed. Of a shift, another origin of the shifted state is
+equivalent, so one shift is fixed.
 """
 
 from abc import ABC, abstractmethod
@@ -49,8 +49,8 @@ NARROW = 1e-4  # of the range of a table, over which its slope is told
 class Field:
     """Where a surface may stand: place, two states, what was seen of them (samples, 2).
 
-    makes: how much a force of it is likely to be. floats: whether another origin of positions does
-    the same as a constant.
+    makes: prior size of a force of it. floats: whether another origin of positions is equivalent to
+    a constant.
     """
 
     at: str
@@ -81,7 +81,7 @@ def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
 class Fewer(NamedTuple):
     """A law of fewer points: of its numbers y the first one's are offset + basis y.
 
-    basis (numbers, fewer), offset (numbers,): of those that are free; law: the law of numbers y.
+    basis (numbers, fewer), offset (numbers,): of the free ones; law: the law of numbers y.
     """
 
     basis: Floats
@@ -133,7 +133,7 @@ class Form(ABC):
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
         """Return it where positions are counted from `by` below, with a constant force more.
 
-        None where it is over no position, or has no place for a constant.
+        None if it depends on no position, or a constant has no place in it.
         """
 
 
@@ -182,7 +182,7 @@ def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
 def filled(forces: Floats, known: Seen) -> Floats:
     """Return a grid (rows, columns) whose unknown forces are laid smoothly.
 
-    Each is its neighbours' mean, those that are known as they are.
+    Each is the mean of its neighbours; the known ones stay.
     """
     if known.all() or not known.any():
         return forces
@@ -316,7 +316,8 @@ class TablesForm(Form):
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
         """Return which number of either table is held; -1 for none.
 
-        Of a product it was the largest when the fit began, and need not be at its end.
+        The number fixed in a product was the largest when the fit began, and need not be at its
+        end.
         """
         both = (LAW_FIRST[: self.states.size], LAW_SECOND[: self.beside.size])
         each = [next((k for k, n in enumerate(names) if n not in free), -1) for names in both]
@@ -329,7 +330,7 @@ class TablesForm(Form):
     def coarser(self) -> tuple[int, float]:
         """Return which of its tables, 0 or 1, misses most of its law between points, and how much.
 
-        As a share of what the law varies by.
+        As a share of the law's variation.
         """
         both = ((self.states, self.laws), (self.beside, self.others))
         misses = [
@@ -367,7 +368,7 @@ class TablesForm(Form):
 class _Table(NamedTuple):
     """What numbers y of fewer points make of the free ones of a table: offset + basis y.
 
-    whole: all laws of the fewer points, what is held among them.
+    whole: all laws of the fewer points, including the fixed ones.
     """
 
     basis: Floats

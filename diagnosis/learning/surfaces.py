@@ -1,33 +1,32 @@
 """A law of no name over two states at one place, learned: a surface, fitted like any effect.
 
-Where a law of one state leaves much, what is missing may follow two: friction that a position
-shapes, a motor whose torque falls with speed, a detent that grows with the command. So a small grid
-of forces (`sim/physics/free_force`) is let in at every place over every pair of position, velocity
-and command there (in a link, of how far it gives way, how fast, and the command), beside what
-hypotheses have, and goes some rounds downhill as laws of one state do (`where`), and so does a
-product that is begun at the first singular vectors of that grid, and a law of one state that the
-other shifts, begun along the likeliest straight line of both. The likeliest are fitted to their end
-in three forms (`surface_forms`),
+If a law of one state leaves much unexplained, the missing force may depend on two: friction that
+varies with position, a motor whose torque falls with speed, a detent that grows with the command.
+So a small grid of forces (`sim/physics/free_force`) is added at every place over every pair of
+position, velocity and command there (in a link: deflection, its rate, and the command), beside the
+effects of the hypotheses, and fitted for some rounds as laws of one state are (`where`). So is a
+product, started at the first singular vectors of that grid, and a law of one state that the other
+shifts, started along the likeliest straight line of both. The likeliest are fitted to the end in
+three forms (`surface_forms`),
 
     a product f(a) g(b) of two tables (`free_product`), with more points where these pay,
     a shift f(a + g(b)) of two tables (`free_shift`), likewise,
     a grid F(a, b) of as many points as it has,
 
-each with the points that pay: of the precision P with which a fit knows the numbers z of a law, any
-law of fewer numbers y, z = c + B y with B what its points count at those of the first, costs to
-second order
+each with the points that pay: with the precision P of the numbers z of a fitted law, a law of fewer
+numbers y, z = c + B y, costs to second order
 
     (z - c - B y)' P (z - c - B y) + what y costs (`knots`),
 
-so that points of the tables, rows and columns of the grid, go one at a time, that which costs least
-by going, and what was cheapest is fitted. A form stands over names and over any law of one of
-its states only where it is believed over them by the one criterion of `selection.evidence`; which
-is said, held-out data decide (`answer.learned`).
+so that points of the tables, rows and columns of the grid, are removed one at a time, always the
+one that costs least, and the cheapest law is fitted. A form replaces names, and any law of one of
+its states, only if it is believed over them by the one criterion of `selection.evidence`. Which one
+is reported, held-out data decide (`answer.learned`).
 
-Its band is what the fit does not know of its numbers, and what so few points cannot be, as of
-tables (`tables.left_out_of`). Of a surface a plane is no law: it is a spring, a damper and a scale
-of the command. Limits: two states of one place, `POINTS` points a table and `SIZE` rows and
-columns; nothing over time, which a recording meets once and held-out data never.
+Its band includes the uncertainty of its numbers, and the error of so few points, as for tables
+(`tables.left_out_of`). A plane is no law: it is a spring, a damper and a scale of the command.
+Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns; nothing over
+time, which a recording visits once and held-out data never.
 """
 
 import itertools
@@ -111,10 +110,10 @@ class Begun:
 class Surface:
     """A surface that was learned, with what it is beside the names.
 
-    physics: a grid or a product. free (numbers,): the parameters that the recordings tell, with
-    their covariance (numbers, numbers). seen (samples, 2): the states that were visited. names:
-    that stay beside it; replaced: those that are not needed beside it. gained: over the best
-    without it, in -2 ln.
+    physics: a grid or a product. free (numbers,): the parameters that the recordings determine,
+    with their covariance (numbers, numbers). seen (samples, 2): the states that were visited.
+    names: effects that stay beside it; replaced: those that are not needed beside it. gained: over
+    the best without it, decrease of -2 ln likelihood, less all penalties.
     """
 
     physics: Physics
@@ -171,9 +170,9 @@ def surfaces(
 ) -> Iterator[Iterator[Surface]]:
     """Yield, of each place and pair of states, surfaces that are believed, the likeliest first.
 
-    Over names, and over what else was learned: of either form one, worked out when it is asked for.
-    than: what a surface is held against, the names and laws of one state. hopeful: whether all the
-    points of a form are worth the search for those that pay.
+    They are sought over the named effects and other learned laws, one of each form, computed on
+    demand. than: what a surface is compared with, the named effects and laws of one state. hopeful:
+    whether all the points of a form are worth the search for those that pay.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     everywhere: list[Begun] = []
@@ -195,8 +194,8 @@ def _of_each_form(
 ) -> Iterator[Surface]:
     """Yield a product, a shift and a grid that are believed, beside names or in the place of all.
 
-    Names that were found without a law have taken what they can of it, so that beside them it may
-    look like another; the likelier of both is said.
+    Named effects that were found without a law have imitated what they can of it, so that the law
+    beside them may look different; the likelier of both is reported.
     """
     for make in (_as_product, _as_shift, _as_grid):
         ends: list[Hypothesis] = []
@@ -211,9 +210,9 @@ def _of_each_form(
 def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
     """The same law as the device file counts positions, and a shift from none where it rests.
 
-    As of laws of one state: over a position of the first mass on a spring another origin d moves
-    the law by d with a constant k d, and nothing tells which is so. Limits: with nothing beside the
-    law that may follow a position.
+    As for laws of one state: over a position of the first mass on a spring, the law shifted to
+    another origin d with a constant k d is equivalent, and the data do not decide. Limits: if
+    nothing else depends on a position.
     """
     swings, k = {e.swing for e in h.experiments}, h.model.build(h.x).chain.ground_spring
     tied = field.at == "m1" and k > 0.0 and len(h.model.effects) == 1 and len(swings) == 1
@@ -247,7 +246,7 @@ def _shaped(
 def _finer(h: Hypothesis, field: Field) -> Hypothesis:
     """The same with a point between each two of one table, where these are believed.
 
-    Of the table whose points hold least of their law; a grid has all of its points.
+    Of the table whose points determine their law least; a grid has all of its points.
     """
     form = form_of(_last(h))
     if not isinstance(form, TablesForm):
@@ -362,7 +361,7 @@ def _last(h: Hypothesis) -> Physics:
 def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
     """A product of many points, some rounds downhill from a grid that was begun.
 
-    Of the grid less its plane, which is a spring's, a damper's and a scale's, or of it as it is.
+    Of the grid less its plane, which belongs to a spring, a damper and a scale, or of it as it is.
     """
     few, axes = GridForm(_last(h)), _axes(field, LAWS.points)
     if axes is None:
@@ -390,9 +389,9 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
 def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
     """A shift of many points, some rounds downhill: either state by the other.
 
-    Along any straight line of its states, a + d b, a shift is a table of one state, of which one
-    round downhill from nothing tells how likely it is, under two observers; from the line that each
-    finds likeliest both tables go on.
+    Along a straight line of its states, a + d b, a shift is a table of one state. One round of a
+    fit from zero shows how likely each line is, under two observers; both tables start from the
+    likeliest line of each.
     """
     each: list[Hypothesis] = []
     for share in RATIOS if base.family.whitening else RATIOS[:1]:
@@ -509,7 +508,7 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
 def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
     """What a law of the points that pay along either state is, and what less it costs.
 
-    Its ends stay, and so does the point of a number that is held.
+    Its ends stay, and so does the point of a number that is fixed.
     """
     there, form = _known(h, phi), form_of(_last(h))
     kept = form.kept(field, there.names)

@@ -1,17 +1,17 @@
 """Where a learned law would improve the fit most: tries a table of many points at each place.
 
-Beside what a hypothesis has, a table of zeros is let in at every place over every state that one
-may follow, with as many points as a table has, and goes downhill for a few rounds: under the noise
-of the hypothesis, and under a slower observer, which takes less of a law for disturbance. What is
-likelier then, each under the likeliest noise of its own, tells where a law may be. To first order
-nothing is told of it: where much is missing a residual is far from white, its slow part is what the
-recording began with as well, and any state seems to lead it.
+To each hypothesis a table of zeros is added, at every place over every state that it may depend on,
+with as many points as a table has, and fitted for a few rounds: with the noise of the hypothesis,
+and with a slower observer, which takes less of a law for a disturbance. The resulting likelihoods,
+each with its own likeliest noise, show where a law may be. To first order they would not: if much
+is missing a residual is far from white, its slow part also depends on the initial state, and every
+state seems to explain it.
 
-Of a state that never comes back (the position of a motor that turns one way) a law over it is one
-of time, and of anything else that happens in that order: no law is sought there, but for what
-repeats (`repeating`).
+Of a state that never returns (the position of a motor that turns one way), a law would also be one
+of time, and of everything else that happens in that order. So none is sought there, except periodic
+ones (`repeating`).
 
-Limits: a law that turns the motion over is not reached in so few rounds.
+Limits: a law that changes the motion completely is not found in so few rounds.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -51,9 +51,9 @@ def anywhere(effect: str, at: str) -> bool:
 class Site:
     """Where a law may stand: effect and place, the states seen there (samples,), its period.
 
-    scale: of the period as a parameter, 0 for one that is known. makes: how much a point of its
-    table is likely to be. floats: whether another origin of positions does the same as a constant
-    in the table, of which one point is then held.
+    scale: of the period as a parameter, 0 for a known one. makes: prior size of a point of its
+    table. floats: whether another origin of positions is equivalent to a constant in the table, of
+    which one point is then fixed.
     """
 
     effect: str
@@ -70,7 +70,7 @@ def sites(
 ) -> list[tuple[Site, Hypothesis]]:
     """Return where a law would gain most, so many, and each begun there, the likeliest first.
 
-    asked: whether a law (effect, place) is.
+    asked: whether a law (effect, place) is wanted.
     """
     found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
@@ -86,7 +86,7 @@ def sites(
 def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hypothesis | None:
     """Return a model with a law, some rounds downhill under two observers: the likelier end.
 
-    None where no observer follows the recordings of the base.
+    None if no observer follows the recordings of the base.
     """
     with suppress(NoObserver):
         first = judged(base.experiments, model, model.within(x), base.family)
@@ -102,7 +102,7 @@ def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hy
 def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Site:
     """Return a place for a law over one state, as a hypothesis predicts it.
 
-    moved: of each recording positions and velocities (ticks, 2n).
+    moved: of each recording, positions and velocities (ticks, 2n).
     """
     gain = base.model.reads(base.x).gain
     sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
@@ -114,10 +114,10 @@ def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> 
 def _floats(base: Hypothesis, effect: str, at: str) -> bool:
     """Whether a constant in a law is the same as another origin.
 
-    A constant force on a mass that a spring ties to the ground is, as far as positions show: on
-    the first mass, and on others where one position alone is measured. So is one in the command,
-    which acts on the first mass, and one in the reading.
-    Of a law over a position another origin moves the states as well: no point of it is held.
+    A constant force on a mass that a spring ties to the ground is equivalent to another origin, as
+    far as positions show: on the first mass, and on others if only one position is measured. So is
+    a constant in the command, which acts on the first mass, and in the reading. For a law over a
+    position another origin also shifts the states, so no point of it is fixed.
     """
     tied = base.model.build(base.x).chain.ground_spring > 0.0
     if not tied or effect == "free_spring":
