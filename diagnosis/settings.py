@@ -1,8 +1,9 @@
 """The numbers that decide what a diagnosis says.
 
-One frozen class a part of the pipeline, one field a number. Under each stand its unit, where it
-comes from (derived, by convention, elicited from engineers, or tuned) and the data behind it. What
-only steers a method (rounds of a solver, a guard against rounding) stands with the method.
+One frozen class for each part of the pipeline, one field for each number. Below each number are its
+unit, its origin (derived, by convention, elicited from engineers, or tuned) and the data behind it.
+Numbers that only control a method (rounds of a solver, a guard against rounding) are kept with the
+method.
 
 Here are those of the search, the intake, the answer, of laws without a name, and of what changes or
 happens. Those of other parts stand at the top of their modules, and move here when these are

@@ -2,17 +2,17 @@
 
 Every parameter is value = nominal + scale x (effects, dampers of links), nominal exp(scale x)
 (masses, springs, gain) or nominal + scale sinh(x) (dampers to ground), so that x is of order one.
-The linear ones carry a Gaussian prior of one scale, which the device file states (`Uncertainty`):
-what the recording does not tell stays near the nominal device instead of running away. So has the
-skew of the clock: by how much of a period all outputs are read after the instant at which commands
-act, or before it, which no file states and every laboratory has. A damper to
-the ground may be zero, and is guessed more often than measured, since bearings and back-EMF are in
-it: near the file's value sinh(x) is x, and far from it another factor of ten costs no more than the
-first did. Were it linear there too, twenty times the damper would cost 1400, and any drag of the
-library less. One of a link stays linear: far larger ones are what play and friction in the link
-look like, and a refit bent so far leads no search back. The gain of the command is free only where
-the file says how uncertain that is, since motion alone cannot tell it from masses, springs, dampers
-and forces all at once.
+The linear ones have a Gaussian prior of one scale, which the device file states (`Uncertainty`):
+what the recording does not determine stays near the nominal device. The skew of the clock has such
+a prior as well. It is the share of a period by which all outputs are read after the instant at
+which commands act, or before it; every laboratory has one, and no file states it. A damper to the
+ground may be zero, and is guessed more often than measured, since it includes bearings and
+back-EMF. Near the file's value sinh(x) is x; far from it another factor of ten costs no more than
+the first. If it were linear there too, twenty times the damper would cost 1400, and any drag of the
+library less. A damper of a link stays linear: play and friction in the link look like much larger
+ones, and a search does not return from a refit that has gone so far. The gain of the command is
+free only if the file gives its uncertainty, since motion alone does not distinguish it from masses,
+springs, dampers and forces together.
 """
 
 import itertools
@@ -57,8 +57,8 @@ class Parameter:
     "effect", or "change": of the parameter at `index` of all, in its x.
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
-    effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
-    walks: which of them are only how far a fit may go from its start.
+    effect's parameter, its name; ends: at which of its bounds a fit is not physical, "lower",
+    "upper". walks: which of them only limit how far a fit may go from its start.
     """
 
     name: str
@@ -103,10 +103,10 @@ class Parameter:
 class Varying:
     """A change of one parameter (`Parameter.name`): in a recording counts what share of it holds.
 
-    name: of the change, by which recordings say their share (`Experiment.shares`). smooth: over
-    time, so that parts of a recording have all its values between. price: of how rare it is, and of
-    having asked for so many, in -2 ln. declared: recordings say that it is their own
-    (`model.own_values`); it was not found.
+    name: of the change, by which recordings state their share (`Experiment.shares`). smooth: over
+    time, so that parts of a recording have all values in between. price: penalty for its rarity and
+    for having tried so many, in -2 ln. declared: whether recordings state that it is their own
+    (`model.own_values`); it was not found then.
     """
 
     name: str
@@ -119,10 +119,10 @@ class Varying:
 class Reads(NamedTuple):
     """How a model reads a recording.
 
-    The command counts times gain; origin, in units of the rms motion, is taken from positions, and
-    jitter times the change of the arriving command from the velocity of m1. zeros (n,): what the
-    positions of each mass are read by more than that of m1. late [s]: by how much all is read after
-    the instant at which commands act; push: what a unit of command accelerates m1 by, alone.
+    The command is multiplied by gain; origin, in units of the rms motion, is subtracted from
+    positions, and jitter times the change of the arriving command from the velocity of m1. zeros
+    (n,): offset of the reading of each mass from that of m1. late [s]: by how much all is read
+    after the instant at which commands act; push: acceleration of m1 alone for a unit of command.
     """
 
     gain: float
@@ -145,9 +145,10 @@ def leads(
 ) -> Floats:
     """Return by how much of a change of the arriving command each output leads (..., o).
 
-    A reading that is s > 0 late sees the command of its instant act for s already: s push in the
-    velocity of m1, s^2 / 2 push in its position; the rest of what s does is in how the device is
-    followed (`sim.predict.ahead_by`). jitter: what the velocity leads by besides.
+    A reading that is s > 0 late contains the command of its instant for s: s push in the velocity
+    of m1, s^2 / 2 push in its position. The other consequences of s are in the prediction
+    (`sim.predict.ahead_by`). jitter: what else is added to the velocity, times the change of the
+    command.
     """
     after = np.maximum(late, 0.0)
     found = np.zeros((*np.shape(late), len(outputs)))
@@ -162,9 +163,9 @@ def leads(
 class _Trial(NamedTuple):
     """The numbers of all effects, one after the other, and which of them are free.
 
-    vector, lower, upper (numbers,): what they are, and what their declarations allow. own: places
-    in it of those that are free; x: their places in x; scale: theirs. each: where the numbers of
-    each effect stand.
+    vector, lower, upper (numbers,): their values, and the bounds in their declarations. own:
+    indices in it of the free ones; x: their indices in x; scale: theirs. each: where the numbers of
+    each effect are.
     """
 
     vector: Floats
@@ -180,15 +181,15 @@ class _Trial(NamedTuple):
 class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
-    effects: the physics under trial, at the values where x of their parameters is zero. scales: of
-    their free parameters; bounds: of them, given the recordings, where that is less than the effect
-    allows.
-    sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
-    that it is taken off there and not simulated. varying: what is not the same in all recordings;
-    those whose parameter the model lacks change nothing. `build` gives the device of no share.
+    effects: the physics under trial, at the values for which x of their parameters is zero. scales:
+    of their free parameters; bounds: of them, given the recordings, if narrower than the effect
+    allows. sensor_error_known: the recordings contain the error that an encoder_step under trial
+    adds to the sensor, so that it is subtracted there and not simulated. varying: what differs
+    between recordings; those whose parameter the model lacks have no effect. `build` returns the
+    device for a share of zero.
 
-    A search asks one model for thousands of devices, so what is the same at every x (which of its
-    numbers belong where, their scales and bounds) is worked out once and kept as arrays.
+    A search evaluates one model for thousands of devices, so everything that does not depend on x
+    (the places of its numbers, their scales and bounds) is computed once and kept as arrays.
     """
 
     nominal: Device
@@ -369,7 +370,7 @@ class Model:
     def linear_at(self, x: Floats) -> Floats:
         """Return the values (..., linear) of the linear parameters at x (..., parameters).
 
-        As `Parameter.value` has them, 0 at zero of those that the device file has no number for.
+        As `Parameter.value` has them; 0 at zero for those without a number in the device file.
         """
         at_zero, scale, factors, bent = self._scaled
         own = x[..., : scale.size].astype(np.float64, order="C")
@@ -398,7 +399,7 @@ class Model:
     def _values_at(self, x: Floats) -> list[Floats]:
         """The numbers of each effect (..., of it) at x (..., parameters).
 
-        Rounding may leave one a hair outside its bounds.
+        Rounding may leave one slightly outside its bounds.
         """
         t = self._trial
         own = np.broadcast_to(t.vector, (*x.shape[:-1], t.vector.size)).copy()
@@ -457,7 +458,7 @@ class Model:
     def members(self, xs: Floats) -> Members:
         """Return the devices that are `acting` at many x (members, parameters), all at once.
 
-        Their numbers are those of `acting` bit for bit; `Members.check` raises what it raises.
+        Their numbers are those of `acting` bit for bit; `Members.check` raises the same errors.
         """
         values = self.linear_at(xs)
         found = replace(alike(self.nominal, xs.shape[0]), chains=Chains(*self._chain_at(values)))
@@ -497,7 +498,7 @@ class Model:
     def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """Return what `reads` does at x (..., parameters): zeros (..., n), the others (...,).
 
-        A delay under trial is counted from the reading, and has the skew of the clock in it.
+        A delay under trial is counted from the reading, and includes the skew of the clock.
         """
         values = self.linear_at(xs)
         gain, origin, jitter, late = (
@@ -515,10 +516,9 @@ class Model:
     def plain(self, experiment: Experiment) -> Experiment:
         """Return a recording as the model sees it at every x alike.
 
-        Lost commands left out, the command in its steps, errors of the sensor's steps and the
-        device's own origin taken off.
-        Steps are taken here and not in the device: inside a fit they would turn every slope into
-        noise.
+        Lost commands are left out, the command is rounded to its steps, and errors of the sensor's
+        steps and the device's own origin are subtracted. Steps are applied here and not in the
+        device: inside a fit they would turn every slope into noise.
         """
         measured, command = experiment.measured, experiment.command
         if self.has("dropped_samples") and experiment.dropped is not None:
@@ -537,10 +537,10 @@ class Model:
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
         """Return a recording as the model at x sees it: `plain`, then gain, origin, jitter, skew.
 
-        Commands that arrive early or late by j in the mean of |j|, as often one as the other: the
-        velocity of m1 is read at the nominal instant, when an early one has acted for j already and
-        a late one not at all, which in the mean adds j / 2 m1 of each command's change to that
-        reading; later readings see both alike.
+        Commands arrive early or late by j in the mean of |j|, equally often. The velocity of m1 is
+        read at the nominal instant, when an early command has already acted for j and a late one
+        not at all; on average this adds j / 2 m1 of each command's change to that reading. Later
+        readings contain both fully.
         """
         own, x = x, self.there(x, experiment)
         plain, reads = self.plain(experiment), self.reads(x)
@@ -640,8 +640,8 @@ def _of_effect(
 ) -> Parameter:
     """A parameter of an effect that a fit starts at a value.
 
-    Within the bounds that physics sets given the recording, which hold the start, and as far from
-    it as the effect says.
+    Within the bounds of physics for this recording, which include the start, and as far from it as
+    the effect allows.
     """
     lower = max(p.lower, min(limits[0], value))
     upper = min(p.upper, max(limits[1], value))

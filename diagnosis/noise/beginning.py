@@ -1,26 +1,28 @@
 """Where an observer begins: the state at the first sample of a recording.
 
-An observer that trusts its model forgets a wrong beginning slowly, and the innovations until then
-look like physics. They are nearly linear in the beginning: e = e_0 + C x_0, solved for x_0 by least
-squares over the first `BEGINNING` ticks, C by differences of the device without what has creases.
-(Of its linear part alone C is wrong where damping grows with speed: from rest under a drag that
-left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck friction bought.) With creases, of
-which dry friction is the common one, C is only near: what holds forgets a speed at once. So two
-steps are made, and the best of them, of none and of rest is taken. Of motors with friction that
-begin at rest one step cost 77 to 560 more than rest, and a resonance that is none bought it; begun
-in motion two steps come within 140 of the best that was found, and one within 400.
+An observer that trusts its model forgets a wrong initial state slowly, and the innovations until
+then look like physics. They are nearly linear in the initial state: e = e_0 + C x_0. x_0 is found
+by least squares over the first `BEGINNING` ticks, with C from differences of the device without
+nonsmooth physics. (C of its linear part alone is wrong if damping grows with speed: starting from
+rest with a drag, it left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck friction then
+explained.) With nonsmooth physics, commonly dry friction, C is only approximate, since a mass that
+sticks forgets a speed at once. So two steps are made, and the best of these, of no step and of rest
+is taken. For motors with friction that start at rest, one step cost 77 to 560 more than rest, and a
+resonance that did not exist explained it. If they start in motion, two steps come within 140 of the
+best that was found, and one within 400.
 
-Play bends it more: a mass behind it begins on one side or the other, or between, and moves when it
-is met. So of a device with play Gauss and Newton's steps begin at that answer, and with what lies
-behind the play on either side of it.
+Play makes it more nonlinear: a mass behind it starts on one side or the other, or between them, and
+moves when it is hit. So for a device with play, steps of Gauss and Newton start at that answer, and
+with the parts behind the play on either side.
 
-Such motion is chaotic: two masses with play and friction in positions at 500 Hz, simulated freely
-from their true state, part from themselves in other substeps by 10 mrad within two seconds. At the
-truth, begun at ten samples, -2 ln likelihood is less by 0 to 450 under the likeliest noise where
-the motor alone is measured, by 1100 to 6700 over 50 ms. On the friction damper fits that alternate
-between parameters and a linear beginning ended about 90 above where they end so.
+Such motion is chaotic. Two masses with play and friction in positions at 500 Hz, simulated freely
+from their true state with another number of substeps, differ by 10 mrad within two seconds. At the
+truth, with ten samples as starts, -2 ln likelihood falls by 0 to 450 under the likeliest noise if
+only the motor is measured, and by 1100 to 6700 over 50 ms. On the friction damper, fits that
+alternate between parameters and a linear initial state ended about 90 higher.
 
-Limits: a least-squares answer of noisy readings, one valley of it for each of the beginnings tried.
+Limits: the answer is by least squares from noisy readings, in one valley for each of the starts
+tried.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -160,8 +162,8 @@ def with_play(physics: Iterable[Physics]) -> bool:
 def smooth(device: Device) -> Device:
     """Return the device whose differences say how its innovations turn on its beginning.
 
-    Without what has creases: differences over a crease lead nowhere. Under dry friction that holds
-    no speed shows, and least squares would begin with a huge one.
+    Without nonsmooth physics, since differences over a crease are misleading. Under dry friction
+    that holds a mass no speed shows, and least squares would start with a huge one.
     """
     kept = tuple(p for p in device.physics if not p.effect.creased)
     return device if len(kept) == len(device.physics) else replace(device, physics=kept)
@@ -172,7 +174,7 @@ def by_own_slopes(
 ) -> Floats:
     """Return the state (2n,) that a device with play begins with, or `linear` where none is better.
 
-    linear: that of one step of Gauss and Newton, which devices without play begin with.
+    linear: the start of one step of Gauss and Newton, which devices without play use.
     """
     here = experiment.on(device)
     if not with_play(here.physics):
@@ -211,7 +213,7 @@ def _least(weighed: Callable[[Floats], Floats], begins: Floats) -> Floats:
 def _aside(device: Device, begin: Floats, usual: float) -> Floats:
     """What lies behind each link with play across it, as fast as what is before it and otherwise.
 
-    begin (2n,): added to the same position and velocity of all masses; usual: a speed.
+    begin (2n,): added to the same position and velocity of all masses; usual: a typical speed.
     """
     n, found = begin.size // 2, []
     for physics in device.physics:
@@ -258,7 +260,7 @@ def innovations_each(
 ) -> Floats:
     """Return innovations (members, ticks, o) from a beginning (2n) and under a gain each.
 
-    Infinite from where one overflows. population: the device as often as there are members.
+    Infinite from an overflow on. population: one copy of the device for each member.
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)

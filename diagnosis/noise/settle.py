@@ -25,8 +25,8 @@ def prepared_for(
 ) -> Problem:
     """Return the recordings under the likeliest noise of a model at x; raises NoObserver.
 
-    Recordings of a device with play that know where they begin do so: it is dear to seek, and where
-    the observer of nearly the same model began does.
+    Recordings of a device with play carry their initial state, since finding it takes long. It is
+    kept from the observer of nearly the same model.
     """
     starts = [e.start for e in experiments if e.start is not None]
     play = with_play((*model.nominal.physics, *model.effects))
@@ -44,7 +44,7 @@ def fitted_in_turn(
 ) -> tuple[float, Floats, float]:
     """Fit a model from x and choose its noise anew, in turn: cost, x, and the observer's ratio.
 
-    family: of the noise in the first turn; later ones go on from there.
+    family: of the noise in the first round; later rounds continue from there.
     """
     best = (np.inf, x, 1.0)
     for _ in range(turns):
@@ -64,7 +64,7 @@ def settle(
 ) -> tuple[Problem, Fitted]:
     """Fit a model from x, choosing its noise anew between fits until both agree.
 
-    family: as `fitted_in_turn` takes it. Raises NoObserver where none follows the recordings.
+    family: as in `fitted_in_turn`. Raises NoObserver if none follows the recordings.
     """
     _, x, ratio = fitted_in_turn(experiments, model, x, family)
     problem = prepared_for(experiments, model, x, NEXT_SAMPLE.near(ratio))
@@ -82,9 +82,9 @@ def refit(
 def cost_at(ratio: float, model: Model, x: Floats, experiments: Sequence[Experiment]) -> float:
     """Return what a model costs under the observer of a ratio; infinite where there is none.
 
-    Whitened, another observer is another model of the noise, which alone made a recording likelier
-    by 120 in -2 log likelihood. So what another model is worth is held against the model in hand
-    under its own observer and under the other's.
+    After whitening, another observer is another model of the noise, and this alone changed a
+    likelihood by 120 in -2 log likelihood. So another model is compared with the current one under
+    the observers of both.
     """
     try:
         there = prepared_for(experiments, model, x, NEXT_SAMPLE.of(ratio))

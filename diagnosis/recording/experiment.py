@@ -63,9 +63,9 @@ class ExperimentError(ValueError):
 class Output:
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
 
-    less: the mass that it is measured from, as the deflection of a link is; None for the ground.
-    truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after the
-    instant at which the commands act, negative before it; the channel is the same all the same.
+    less: the mass relative to which it is measured, for the deflection of a link; None for the
+    ground. truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after
+    the instant at which the commands act, negative before it; this does not change the channel.
     """
 
     quantity: str
@@ -221,9 +221,8 @@ class Experiment:
     def external(self, dof: int, force: Floats | None = None) -> Floats:
         """Return what acts besides the command on so many masses, as the kernel takes it.
 
-        force: in place of the recording's own `force`; what was recorded acts besides.
-        (ticks, dof) of a force (ticks, some of them), (ticks, dof + 1) where the base moves, and
-        (0, dof) for nothing.
+        force: in place of the recording's own `force`; recorded forces act in addition. Returns
+        (ticks, dof), or (ticks, dof + 1) if the base moves, and (0, dof) for no force.
         """
         own_force = self.force if force is None else force
         acting = [f for f in (own_force, self.pushes) if f is not None]
@@ -285,8 +284,8 @@ class Experiment:
     def pauses(self) -> NDArray[np.bool_]:
         """Return which samples (ticks,) are of a pause: nothing is asked and nothing moves.
 
-        Both lie still against what they do in the whole recording, for a tenth of it: a
-        device that sticks under a command that changes is no pause, and says much.
+        Both stand still, relative to the whole recording, for a tenth of it. A device that sticks
+        under a changing command is no pause, and says much.
         """
         found = np.zeros(self.ticks, dtype=np.bool_)
         ends = np.linspace(0, self.ticks, BLOCKS + 1).round().astype(np.int64)
@@ -306,7 +305,8 @@ class Experiment:
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
         """Return the first share of what happens to fit on, and the rest to judge by.
 
-        Pauses do not count: a recording that ends in one would be judged by nothing.
+        Pauses do not count, since a recording that ends in one would otherwise be judged by
+        nothing.
         """
         happens = np.cumsum(~self.pauses())
         cut = int(np.searchsorted(happens, round(share * int(happens[-1])))) + 1
@@ -484,10 +484,10 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
 def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Experiment]:
     """Return a recording as the stretches between its gaps, usually one.
 
-    Short gaps are bridged (`Experiment.bridged`). Beyond, samples are lost, repeated or of another
-    time where the clock jumps; told as one, they would look like physics. A sample at which the
-    command or an output is not finite is lost, too. Raises ExperimentError as `experiment`, and
-    where no stretch is long enough.
+    Short gaps are bridged (`Experiment.bridged`). At longer gaps and jumps of the clock, samples
+    are lost, repeated or of another time; read as one recording, they would look like physics. A
+    sample at which the command or an output is not finite is lost, too. Raises ExperimentError like
+    `experiment`, and if no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
@@ -542,11 +542,12 @@ def uncounted(bridged: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which samples (ticks,) are not judged by: gaps, and `RETURNS` as many after each.
 
     An observer predicts over a gap without correction, and its first errors after it are larger. On
-    two masses with a mode of 34 Hz at 500 Hz, under an unknown force as large as the command, 10 of
-    every 60 samples lost, what is counted so has the deviation that it has without gaps to 1.3 %,
-    and all parameters are as near the truth in their errors; were as many more counted, the
-    deviation would be 1.55 times that, and a mass wrong by 5 of its errors (`noise.gaps` gives the
-    gains after a gap; under a steady one a damper was wrong by 5 whatever was left out).
+    two masses with a mode of 34 Hz at 500 Hz, under an unknown force as large as the command, with
+    10 of every 60 samples lost, the samples that are counted have the same deviation as without
+    gaps, to 1.3 %, and all parameters are as close to the truth, relative to their errors. If as
+    many more samples were counted, the deviation would be 1.55 times that, and a mass wrong by 5 of
+    its errors. (`noise.gaps` gives the gains after a gap; with the steady gain a damper was wrong
+    by 5 whatever was left out.)
     """
     found = bridged.copy()
     edges = np.flatnonzero(np.diff(bridged.astype(np.int8), prepend=0, append=0))
@@ -560,7 +561,7 @@ def _as_it_moved(
 ) -> tuple[Trace, list[str]]:
     """A recording with what its sensors and its clock do to a motion put right, and what was.
 
-    Raises ExperimentError where a sensor is read more slowly than the log is written.
+    Raises ExperimentError if a sensor is read more slowly than the log is written.
     """
     if trace.origin != "recorded":
         return trace, []

@@ -1,15 +1,15 @@
 """The force in a link, measured by a load cell, expressed as the link's deflection.
 
-A load cell between two masses is a spring of known stiffness K, so that its reading
+A load cell between two masses is a spring of known stiffness K, so its reading
 
     F = K (q_i - q_j)    gives    q_i - q_j = F / K,
 
-the deflection of the link: a measurement that says nothing of where the device is, and much of what
-stands on either side of the cell. K is that of the link in the device file. A cell is calibrated,
-so its K is held to be known well; a link whose stiffness is a guess is no load cell, and a wrong K
-shows as a deflection that counts wrong.
+gives the deflection of the link: a measurement that says nothing about the position of the device,
+and much about the parts on either side of the cell. K is that of the link in the device file. A
+cell is calibrated, so K is assumed to be known well. A link whose stiffness is a guess cannot serve
+as a load cell; a wrong K shows as a deflection with a wrong scale.
 
-Limits: a cell without a damper, whose force is that of its spring alone.
+Limits: a cell without a damper, whose force is only that of its spring.
 """
 
 import re
@@ -24,7 +24,7 @@ def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple
     """Return a trace with the deflections that forces of links tell, and what to say of them.
 
     A force of a link that the device does not have is left as it is, and so is one beside a
-    deflection that was measured itself.
+    measured deflection.
     """
     channels, units = dict(trace.channels), dict(trace.units)
     said: list[str] = []

@@ -6,8 +6,8 @@
     "coulomb_friction@m1.level" = "dry"   # a number of an effect, in the device file or found
 
 An encoder counts from where it was switched on, and a carriage that was taken off its pinion and
-put back stands elsewhere on it: `position` frees whatever of an effect says where in the position
-it stands (the phase of a ripple, the angle of a pendulum).
+put back stands elsewhere on it. `position` frees the numbers of effects that depend on the origin
+of positions (the phase of a ripple, the angle of a pendulum).
 """
 
 from collections.abc import Mapping

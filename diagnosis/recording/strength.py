@@ -14,9 +14,9 @@ ON = 0.5
 def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
     """Return the strength (ticks,) of the drive, None where nothing says it, and what to say of it.
 
-    The supply over its nominal voltage, and zero where the drive was off. Raises ValueError where
-    it was never on, where a supply is not positive, or where a loop on the position has no limit
-    through which it could be scaled.
+    The supply over its nominal voltage, and zero while the drive was off. Raises ValueError if it
+    was never on, if a supply is not positive, or if a loop on the position has no limit through
+    which it could be scaled.
     """
     known = [c for c in (ENABLE, SUPPLY) if c in trace.channels]
     if not known:

@@ -17,9 +17,9 @@ from zwidth.sim.place import Place, place_at
 class Start:
     """One effect at one place with starting values, and the scales of its free parameters.
 
-    bounds: what physics allows of them, given the recording; of what is not named, what the effect
-    allows. own: what recordings have of its numbers (`model.own_values`), by the name of that: of
-    which number, and how much more of it.
+    bounds: the physical ones for this recording; for numbers not named, those of the effect. own:
+    numbers of it that recordings have of their own (`model.own_values`), by their name: which
+    number, and how much more of it.
     """
 
     physics: Physics
@@ -55,8 +55,9 @@ class Start:
     def as_strong_as(self, other: Physics) -> "Start | None":
         """Return the start with the strength of another effect; None where theirs do not compare.
 
-        A law that contains another, or is contained in it, begins best where the other ended. Of
-        one with several strengths (friction that differs by direction) the largest counts.
+        The fit of a law that contains another, or is contained in it, starts best where the other
+        ended. Of one with several strengths (friction that differs by direction) the largest
+        counts.
         """
         own, its = self.physics.effect, other.effect
         if own.strength is None or its.strength is None:

@@ -28,7 +28,7 @@ def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
 def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Physics | None:
     """Return the effect a factor as strong; None where its parameters do not reach that far.
 
-    What says how large and not how strong (a ripple's period, a Stribeck velocity) stays.
+    Parameters of shape and not of strength (a ripple's period, a Stribeck velocity) stay.
     """
     effect, values = physics.effect, dict(physics.values)
     if effect.strength is None:

@@ -16,7 +16,8 @@ ELSEWHERE = ("lattice", "folding")  # ways of seeking that no prediction of a st
 def open_places(device: Device) -> list[tuple[Effect, Place]]:
     """Return effects and places that a device has not yet.
 
-    Of a family (laws of the same thing) a place has one. What the device file knows is not sought.
+    A place has at most one of a family (laws of the same thing). Effects in the device file are not
+    sought.
     """
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}
     families = {(p.effect.family, p.place.acts_on) for p in device.physics if p.effect.family}

@@ -1,9 +1,10 @@
 """How much of the residual could each effect explain? One prediction per start, no fit.
 
-With r the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of an
-effect switched on at a start, the best that effect and refit can do together at that magnitude is,
-to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain over |(I - P) r|^2 is
-the start's score, a chi-square. What the refit absorbs is thereby gone before anything is named.
+Let r be the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of
+an effect switched on at a start. To first order, the best residual of effect and refit together at
+that magnitude is |(I - P)(r + s)|^2, where P is the projector on the span of J. The reduction from
+|(I - P) r|^2 is the start's score, a chi-square. So what a refit could absorb is removed before any
+effect is named.
 """
 
 import math
@@ -63,7 +64,7 @@ def screen(
 ) -> list[Screened]:
     """Return all starts with their scores, best first, at most one per effect and place.
 
-    stage: of which a start that fails is named (`zwidth.diagnosis.mishaps`).
+    stage: under which an error of a start is reported (`zwidth.diagnosis.mishaps`).
     """
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
@@ -121,8 +122,8 @@ def turned_starts(scored: Sequence[Screened], base: Floats, least: float = 0.0) 
 
     least: chi-square that they must gain to first order.
 
-    A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures tell both; a
-    phase on the wrong side would have to fit its way through zero.
+    A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures determine both;
+    from a phase on the wrong side a fit would have to pass through zero.
     """
     quarters: dict[tuple[object, ...], dict[float, Screened]] = {}
     for one in scored:

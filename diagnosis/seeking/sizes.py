@@ -18,12 +18,12 @@ FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures 
 def sizes_of(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> Sizes:
     """Return the sizes over all recordings: of m1 as measured, of the rest as an observer follows.
 
-    gain: by which the command counts in a model, beyond what the device says: of a drive whose
-    scale is open all forces are as much larger, and the bounds of what may hold a mass still.
+    gain: factor of the command in a model, in addition to the device's. If the scale of a drive is
+    free, all forces are larger by it, and so are the bounds of forces that may hold a mass.
 
-    Where no observer follows, every mass moves as m1 does, and a link gives way as at rest. What a
-    free motion is driven by is what stores its energy: of a swing of any frequency m v^2 / x, v and
-    x the rms speed and position, since k x = m omega^2 x.
+    If no observer follows, every mass is taken to move as m1 does, and a link to deflect as at
+    rest. In a free motion the reference force is that of the energy store: for a swing of any
+    frequency m v^2 / x, with the rms speed v and position x, since k x = m omega^2 x.
     """
     command = gain * np.concatenate([_force(device, e) for e in experiments])
     positions: list[Floats] = []

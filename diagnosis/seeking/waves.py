@@ -24,7 +24,7 @@ PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.seeking.scr
 def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
     """Return starts at periods that gain more than their search, over the lines of all places.
 
-    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart.
+    A start has the effect's own strength, and one of two phases, a quarter turn apart.
     """
     if problem.experiments[0].outputs[0].quantity != "position":
         return []

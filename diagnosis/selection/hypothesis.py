@@ -40,12 +40,12 @@ ODDS = EVIDENCE.rare
 class Hypothesis:
     """Structure and parameters (model, x) of recordings, noise, and their cost.
 
-    experiments: the recordings, with what the structure knows of them (lost commands, the error of
-    an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
-    innovations and priors under the noise; slopes: of it by x, None while it was only judged and
-    not fitted. family: of the noise that it was chosen from; costs compare within one.
-    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln. ended: whether
-    another turn of fit and noise is known to gain nothing.
+    experiments: the recordings, with what the structure knows about them (lost commands, the error
+    of an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual:
+    weighted innovations and priors with the noise; slopes: of it by x, None if it was only
+    evaluated and not fitted. family: of the noise from which its own was chosen; costs can be
+    compared within one. prices: penalties of effects (effect@place) that were sought tick by tick,
+    in -2 ln. ended: whether another round of fit and noise is known to gain nothing.
     """
 
     experiments: Sequence[Experiment]
@@ -79,7 +79,7 @@ class Hypothesis:
     def against_physics(self) -> str:
         """A parameter that stands where physics does not allow it, "" for none.
 
-        On a bound that is one of physics (`Parameter.ends`), or with others as none can have it
+        That is, on a physical bound (`Parameter.ends`), or in an impossible combination
         (`Effect.forbidden`).
         """
         for p, x in zip(self.model.parameters, self.x, strict=True):
@@ -180,8 +180,8 @@ def judged(
 ) -> Hypothesis:
     """Return a model at x under its likeliest noise; raises NoObserver where none follows.
 
-    among: the members of the family that are looked at, None for all. prices: those of effects
-    that the model lacks are not paid. begun: as `likeliest` takes it.
+    among: the members of the family that are tried, None for all. prices: those of effects that the
+    model lacks are ignored. begun: as in `likeliest`.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
@@ -200,12 +200,12 @@ def judged(
 def independent(h: Hypothesis, horizon: float) -> Hypothesis:
     """Return a hypothesis whose errors count as many times as they are independent.
 
-    Errors over a horizon [s] come tau at a time (`shared`), and what a hypothesis gains by chance
-    over another is tau times what it gains where they are independent. Taken for n samples, chance
-    is explained by laws; so the likelihood, its slopes and what a parameter's freedom costs all
-    count 1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78, 2016). On a
-    motor under white force whose one friction is known, phi of whatever else is tried beside it is
-    20 to 90 over 50 ms if each sample counts, and 1.0 to 1.4 so.
+    Errors over a horizon [s] are dependent, tau at a time (`shared`), and the gain of one
+    hypothesis over another by chance is tau times the gain with independent errors. Counted as n
+    samples, chance would be explained by laws. So the likelihood, its slopes and the penalty of a
+    parameter all count 1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78,
+    2016). On a motor under white force whose one friction is known, phi of anything else that is
+    tried is 20 to 90 over 50 ms if each sample counts, and 1.0 to 1.4 with this.
     """
     if h.family.whitening:
         return h
@@ -218,13 +218,13 @@ def independent(h: Hypothesis, horizon: float) -> Hypothesis:
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
     """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom.
 
-    The first turn is made in as few substeps as costs compare in, which brings most of the way. (A
-    noise chosen where parameters are wrong takes what they leave for disturbances; each turn used
-    to be made under a slower noise too. Since observers begin where friction does and the clock has
-    its skew, that gained nothing: less than 1 in -2 ln on two masses with two frictions from six
-    device files up to 60 % off, and the same names on eleven recordings of the paired set.) turns:
-    at most, or while they gain much. What ends as far from its start as a fit may go
-    (`Parameter.walks`) is not at the end of anything, and goes on from there.
+    The first round uses as few substeps as suffice to compare costs, which brings the fit most of
+    the way. (A noise chosen at wrong parameters takes their errors for disturbances, so each round
+    used to be made with a slower noise too. Since observers start where friction does and the clock
+    has its skew, that gained nothing: less than 1 in -2 ln on two masses with two frictions from
+    six device files up to 60 % off, and the same names on eleven recordings of the paired set.)
+    turns: at most, or while they gain much. A fit that ends at the limit of its allowed distance
+    from the start (`Parameter.walks`) has not converged, and continues.
     """
     best = _settled(begun, turns, rounds, worth)
     for _ in range(FURTHER):
@@ -267,7 +267,7 @@ def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
 def priced(h: Hypothesis) -> Hypothesis:
     """Return the hypothesis with its slopes, and with what its freedom costs.
 
-    Freedom is infinite where the recordings say nothing of a parameter of an effect: they cannot
+    The penalty is infinite if the recordings do not determine a parameter of an effect: they cannot
     have shown that effect, but only a simpler one.
     """
     slopes = slopes_where_it_stands(h.ground, h.x).slopes
@@ -297,9 +297,9 @@ def _rarity(model: Model) -> float:
 def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
     """Range of each effect parameter in x, at least its own standard error.
 
-    A magnitude is as likely in every octave of its sweep: its density at v is 1 / (v ln(most /
-    least)), that of a range of v ln(most / least). A phase may be anywhere on its turn. A change
-    is as likely by any amount up to the whole of what changes, either way.
+    A magnitude is equally likely in every octave of its sweep: its density at v is 1 / (v ln(most /
+    least)), as for a range of v ln(most / least). A phase is uniform on its turn. A change is
+    uniform up to the size of the changing parameter, in both directions.
     """
     variance = np.diag(np.linalg.pinv(information))
     found: list[float] = []

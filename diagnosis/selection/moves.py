@@ -52,11 +52,12 @@ GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
 class Proposal:
     """A model worth a fit, and where from: x, and the problem under which a fit begins.
 
-    under: None where it needs no first fit. family: of its noise; near: ratio about which that is
-    sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
-    from a hypothesis in the place of an effect, or in a simpler law of the same kind there. begins:
-    where the observer of the hypothesis that it came from begins: with play it is sought once more
-    at the end of a fit, and seeking it for each was 28 % of a search beside play.
+    under: the noise of its first fit, None if it needs none. family: of its noise; near: ratio
+    about which that is sought, None for all of the family. prices: as of a hypothesis. akin:
+    whether it differs from a hypothesis only in the place of an effect, or in a simpler law of the
+    same kind there. begins: where the observer of the original hypothesis starts. With play, this
+    start is sought again only at the end of a fit; seeking it for each move took 28 % of a search
+    with play.
     """
 
     experiments: Sequence[Experiment]
@@ -72,8 +73,8 @@ class Proposal:
     def judged(self, x: Floats) -> Hypothesis:
         """Return it at x under its likeliest noise; raises NoObserver where none follows.
 
-        What began in a view of other noise is brought on its way under its own, or it would cost
-        more than what began there.
+        A fit that started in a view with other noise is continued with its own, otherwise it would
+        cost more than one that started there.
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.begins)
@@ -122,7 +123,7 @@ Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 def glanced(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: what a beginning of the recordings shows clearly.
 
-    Nothing where they are short: what is strong shows in a part, and what does not is asked of all.
+    Empty if they are short: strong effects show in a part, and weak ones are sought in everything.
     """
     if (ticks := _glance(h.experiments)) is not None:
         views = itertools.chain(_views(h, ticks), _views_afar(h, ticks))
@@ -190,9 +191,9 @@ def _played(
 ) -> Iterator[Proposal]:
     """Yield a model with the play that a scan shows, one each place, fitted under its own noise.
 
-    Each from where a population arrives (`seeking.playing`), and the least of them: beside the
-    bottom of a valley a play of -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
-    cubic at -131 760; and what is cheapest where it arrives has ended in the wrong valley.
+    Each from the result of a population (`seeking.playing`), and the cheapest of them. Beside the
+    bottom of a valley, a play at -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
+    cubic spring at -131 760; and the cheapest result of a population may be in the wrong valley.
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
@@ -228,7 +229,8 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis less each of its effects, its strength gone or with its law elsewhere.
 
-    Friction that two masses share is that of one of them, and a fit over creases ends where it is.
+    Friction that two masses share is first assigned to one of them, and a fit across creases does
+    not move it.
     """
     under = _cut(h.problem, _glance(h.experiments))
     for i, gone in enumerate(h.model.effects_at(h.x)):
@@ -272,9 +274,10 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect in turn as two of those that it contains.
 
-    A constant force and Coulomb friction are a directional friction of other levels; and in place
-    of one of the two stands each other law of its family that contains it, as friction that rises
-    with speed. One at a time they would pass through the two simple ones, which explain less.
+    A constant force and Coulomb friction are a directional friction with other levels. In place of
+    one of the two, each other law of its family that contains it is tried as well, such as friction
+    that rises with speed. One at a time, the search would have to pass through the two simple ones,
+    which explain less.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -305,7 +308,8 @@ def _shares(effect: Effect, whole: Effect) -> bool:
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with two of its effects at one place as a law that contains both.
 
-    What two simple laws explain, the richer one does too; which of them it is, only both tell.
+    If two simple laws explain something, the richer one does too; only the two together show which
+    it is.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -328,7 +332,8 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with two of its effects each in the place of the other.
 
-    Of two frictions which is whose: one at a time they would pass through two laws at one place.
+    For two frictions at two places, exchanged one at a time, the search would have to pass through
+    two laws at one place.
     """
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(h.model.build(h.x).bare(), h.experiments, h.model.reads(h.x).gain)
@@ -354,9 +359,9 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def replaced(index: int) -> Move:
     """Return the move that puts another effect in the place of one.
 
-    Of what neither contains it nor is contained in it only what explains, to first order, a good
-    part of what it does: the rest ends nowhere near. What the effect explains of a beginning of the
-    recordings says whether that tells enough.
+    An effect that neither contains it nor is contained in it is tried only if, to first order, it
+    explains a good part of the same; others end far away. The gain of the effect in the first part
+    of the recordings shows whether that part suffices.
     """
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
@@ -420,9 +425,9 @@ def _without(
 def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
     """Yield a hypothesis under its own noise, and under a slower one; ticks: as far at most.
 
-    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
-    disturbance, and its filter what is left for colour. So it is also seen under one that is a
-    hundred times slower and takes nothing for colour.
+    The noise of a model that may lack physics takes part of it for disturbance, and its filter
+    takes the rest for colour. So the hypothesis is also viewed with an observer that is a hundred
+    times slower and assumes no colour.
     """
     yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
@@ -433,8 +438,8 @@ def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
 def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
     """Yield a hypothesis under an observer that hardly corrects it, as is and as in its file.
 
-    Under its own noise, that of a model that may lack physics, an observer takes part of what lacks
-    for disturbance, and its filter what is left for colour.
+    With its own noise, that of a model that may lack physics, an observer takes part of it for
+    disturbance, and its filter takes the rest for colour.
     """
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, ticks)
@@ -478,7 +483,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
     """The best of some starts of one effect, or of several together, under a hypothesis's noise.
 
-    Chosen, and begun, on a beginning of the recordings where that saves a good part.
+    Chosen and first fitted on the first part of the recordings, if that saves much.
     """
     problem = _cut(h.problem, _glance(h.experiments))
     tried = model
