@@ -54,7 +54,7 @@ def diagnose(
 
 
 def _sought(taken: Taken, search: Searches) -> Searched:
-    """What a search of the recordings finds; without a refit there is nothing to say."""
+    """The result of searching the recordings; without a refit there is no answer."""
     try:
         return search(taken.fit_on)
     except NoObserver as error:

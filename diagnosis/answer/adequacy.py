@@ -84,7 +84,7 @@ TOLD = 10.0  # information in a direction of x, of which a device file's own is 
 
 @dataclass(frozen=True)
 class Ahead:
-    """Free runs over a horizon [s]: rms error of the first output, and what is to be expected.
+    """Free runs over a horizon [s]: rms error of the first output, and the expected error.
 
     These are in the output's unit; most: above it the answer is not adequate. led: share of its
     square that forces which follow the motion explain; most_led: the largest such share of an
@@ -100,13 +100,13 @@ class Ahead:
 
     @property
     def adequate(self) -> bool:
-        """Whether the error is within what the answer itself foretells."""
+        """Whether the error is within what the answer itself predicts."""
         return self.error <= self.most and self.led <= self.most_led
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What held-out data say of an answer.
+    """What held-out data say about an answer.
 
     explained: by which share the answer lowers the mean square error over half a second of the
     better of device file and refit. better: by how many sigma it predicts better than these, in
@@ -122,12 +122,12 @@ class Adequacy:
 
     @property
     def sound(self) -> bool:
-        """Whether free runs err no farther than noise and unknown parameters make them."""
+        """Whether free runs err no more than noise and uncertain parameters predict."""
         return all(a.adequate for a in self.ahead)
 
     @property
     def useful(self) -> bool:
-        """Whether what it names is better than doing without, by more than blocks scatter."""
+        """Whether the named effects improve it by more than the scatter of blocks."""
         return not self.names or self.better > ADEQUACY.scatter
 
     @property
@@ -193,7 +193,7 @@ def adequacy(
 
 
 def wander(error: float, floor: float) -> bool:
-    """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
+    """Whether free runs err too far beyond the noise of readings; False if that is unknown.
 
     Far: by a tenth of the motion, and by more than the noise of readings. Both are relative to the
     motion.
@@ -205,7 +205,7 @@ def wander(error: float, floor: float) -> bool:
 
 
 def beyond_noise(error: float, floor: float) -> bool:
-    """Whether more than half of an error's square is something else than the noise of readings."""
+    """Whether more than half of a squared error is something other than noise of readings."""
     return error**2 > 2.0 * floor**2
 
 
@@ -223,7 +223,7 @@ def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experimen
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
-    """Ticks of free runs of which there are enough; of short recordings as long as they allow."""
+    """Lengths of free runs, in ticks, of which there are enough; shorter for short recordings."""
     period = judge_by[0].period
     ticks = [e.ticks - settling(e) for e in judge_by]
     asked = [max(SHORTEST, round(h / period)) for h in ADEQUACY.horizons]
@@ -233,12 +233,12 @@ def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
 
 
 def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experiment:
-    """A recording as a model sees it, begun where it fits best."""
+    """A recording as a model reads it, with the initial state that fits best."""
     return begun(model.acting(x), model.seen(e, x), observer)
 
 
 def _band(logs: Floats) -> tuple[float, float] | None:
-    """Return mean, and what another of the same kind exceeds with odds of ALPHA."""
+    """Return the mean, and the value that another sample exceeds with probability ALPHA."""
     told = logs[np.isfinite(logs)]
     if told.size < ADEQUACY.runs:
         return None
@@ -250,7 +250,7 @@ def _band(logs: Floats) -> tuple[float, float] | None:
 def _runs(
     final: Fitted, observer: Observer, seen: Sequence[Experiment], lengths: Sequence[int]
 ) -> list[FreeRuns]:
-    """Free runs of the answer, of each length those of all recordings."""
+    """Free runs of the answer; of each length those of all recordings together."""
     device = final.model.acting(final.x)
     each = [free_runs(device, e, observer.gain, lengths, MOST_RUNS) for e in seen]
     return [
@@ -260,7 +260,7 @@ def _runs(
 
 
 def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Floats]:
-    """Log rms error of the first output (lengths,), and log odds of what motion explains of it."""
+    """Log rms error of the first output (lengths,), log odds of the share that motion explains."""
     with np.errstate(all="ignore"):  # infinite after an overflow
         errors = [np.log(np.sqrt(np.mean(r.errors[:, :, 0] ** 2))) for r in runs]
         shares = [s.share(r.errors[:, :, 0].ravel()) for r, s in zip(runs, spans, strict=True)]
@@ -269,13 +269,13 @@ def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Fl
 
 @dataclass(frozen=True)
 class Believed:
-    """Innovations of an observer that its filters make white, of covariance root root'."""
+    """Innovations of an observer that its filters whiten, with covariance root root'."""
 
     observer: Observer
     root: Floats
 
     def drawn(self, ticks: int, random: np.random.Generator) -> Floats:
-        """Return innovations (ticks, o): of a process without end, so that none needs to settle.
+        """Return innovations (ticks, o) of a stationary process, which needs no time to settle.
 
         The autoregression is computed by dividing spectra, over a period that is longer than the
         result by the memory of the filters.
@@ -289,7 +289,7 @@ class Believed:
 
 
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
-    """The colour that the answer believes in, as strong as recordings have it a step ahead.
+    """The noise colour of the answer, as strong as the one-step errors of recordings.
 
     The noise may be up to `louder` times as strong as where it was fitted (there its deviation is
     one); more than that counts as missing physics. If a machine has no disturbance, the innovations
@@ -306,7 +306,7 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
 
 
 def _known(final: Fitted) -> Floats:
-    """Return a root (x, directions) of the covariance of what the recordings tell of x.
+    """Return a root (x, directions) of the covariance of x that the recordings determine.
 
     Directions that the recordings do not determine (a free gain together with all masses) change no
     motion. They are left out, since far along them the first order no longer holds.
@@ -326,7 +326,7 @@ def _bootstrapped(
     spans: Sequence[Span],
     seed: int,
 ) -> Floats:
-    """What is `_judged` (2, lengths) of what a device would give that the fit cannot tell from its.
+    """Return `_judged` (2, lengths) for a device drawn from the uncertainty of the fit.
 
     own: the recordings as the answer reads them. Corrections of the device's reading (gain, origin)
     are removed, and those of the answer applied.
@@ -350,7 +350,7 @@ def _bootstrapped(
 def _begun_again(
     device: Device, again: Experiment, mine: Experiment, observer: Observer
 ) -> Experiment:
-    """A recording that a model played, begun; with play, dear to seek, where the model did."""
+    """A recording that a model simulated, with its initial state; with play, that of the model."""
     if not with_play(device.physics) or mine.start is None:
         return begun(device, again, observer)
     before, after = (np.array(first_motion(e.outputs, e.measured, e.period)) for e in (mine, again))
@@ -364,7 +364,7 @@ def _better(
     own: Sequence[Experiment],
     without: Sequence[Sequence[Experiment]],
 ) -> tuple[float, float]:
-    """Share of the square error explained, and sigma over the better of device file and refit."""
+    """Share of the squared error explained, and sigma over the better of device file and refit."""
     device = final.model.acting(final.x)
     ticks = max(window(e) for e in own)
     free = _squares(device, own, observer, ticks)
@@ -384,7 +384,7 @@ def _better(
 def freer(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> bool:
-    """Whether one answer runs free better than another.
+    """Whether the free runs of one answer are better than those of another.
 
     Each has its own observer. The horizon with the clearest difference decides, if it exceeds
     `apart` sigma. Stretches differ in how much they can show, so the differences of a few of them
@@ -417,7 +417,7 @@ def oftener_freer(
 def each_length(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> Iterator[tuple[int, Floats, Floats]]:
-    """Yield ticks of each length that fits, and mean square errors of two answers' free runs."""
+    """Yield lengths that fit, in ticks, and mean square errors of two answers' free runs."""
     for ticks in _lengths(experiments):
         a, b = (
             _squares(
@@ -434,13 +434,13 @@ def log_ratios(more: Floats, less: Floats) -> Floats:
 
 
 def clearly(gains: Floats) -> float:
-    """Sigma of a normal of the same odds as Student's t of a mean, of which a few tell less."""
+    """Sigma of a normal with the same odds as Student's t of a mean, which few values widen."""
     odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
     return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))
 
 
 def _step(judge_by: Sequence[Experiment]) -> float:
-    """The step in which positions of the first output were read; 0 where none is seen."""
+    """The step of positions of the first output; 0 if none shows."""
     if judge_by[0].outputs[0].quantity != "position":
         return 0.0
     return max(encoder_step_seen(e.measured[:, 0]) or 0.0 for e in judge_by)
@@ -454,14 +454,14 @@ def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks:
 
 
 def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
-    """-2 log likelihood in stretches, a step ahead, under the observer's noise."""
+    """-2 log likelihood by stretches, one step ahead, with the observer's noise."""
     each = np.sum(_weighed(device, seen, observer) ** 2, axis=1)
     parts = np.array_split(each, max(3, min(20, each.size // 50)))
     return np.nan_to_num(np.array([p.sum() for p in parts]), nan=1e300, posinf=1e300)
 
 
 def _weighed(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
-    """Weighed innovations (samples, o) of what was measured once settled."""
+    """Weighted innovations (samples, o) of the measurement, once settled."""
     parts: list[Floats] = []
     for e in seen:
         white = observer.weigh(innovations(device, e, observer.gain), e.uncounted)

@@ -123,7 +123,7 @@ def answered(
 def _law(
     device: Device, stands: Stands, facts: Facts, say: Say
 ) -> tuple[LearnedLaw | LearnedSurface | None, bool, bool]:
-    """A law without a name, whether it is said rather than names, and whether it was interrupted.
+    """A learned law, whether it is reported in place of names, and whether it was interrupted.
 
     That is where effects do not explain everything, or where only chance explains the error of free
     runs. A law is learned beside the named effects or in their place if their free runs err more
@@ -152,7 +152,7 @@ def _law(
 
 
 def _as_foretold(facts: Facts) -> bool:
-    """Whether free runs of names err no more than the noise beside them makes.
+    """Whether free runs of the named effects err no more than the noise predicts.
 
     A law in their place must lower the error by at least as much as any law. If random forces must
     explain a large part of the motion (`wander`), that comparison says nothing.

@@ -1,4 +1,4 @@
-"""The improved device: the device file of the values that the fit used.
+"""The improved device, as a device file, from the values of the fit.
 
 A fit reads a recording with a gain of the command, an origin of the position (where a spring to
 ground is at rest) and a command that is held or smooth. It removes the steps of the recording and
@@ -40,7 +40,7 @@ def augmented(
     encoder_step: float = 0.0,
     early: float = 0.0,
 ) -> Device:
-    """Return the device of a model at x, with how it reads recordings.
+    """Return the device of a model at x, including how it reads recordings.
 
     swing: rms motion, the unit of the origin. smooth: whether the commands were smooth; folded:
     whether the sensor was unfolded; encoder_step: what the samples themselves show, or 0. early
@@ -67,7 +67,7 @@ def improved(
     refit: Mapping[str, tuple[float, Estimate]],
     findings: Sequence[Finding],
 ) -> Device:
-    """Return the device of an answer, with all that was found and how recordings are read.
+    """Return the device of an answer, with everything found and how recordings are read.
 
     Readings that are taken before commands act become a delay, if the recordings show it clearly.
     """

@@ -95,7 +95,7 @@ def windows_of(
 def band_of(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault] = ()
 ) -> Band | None:
-    """Return how far free runs of a device err on held-out data; None for fewer than two windows.
+    """Return the errors of free runs of a device on held-out data; None for fewer than two windows.
 
     ratio: of the observer. faults: of the recordings. Raises NoObserver if there is none.
     """
@@ -110,7 +110,7 @@ def band_of(
 def of_windows(
     found: Windows, seconds: float, ratio: float, corrected: Sequence[str] = ()
 ) -> Band | None:
-    """Return the band that windows of so many seconds say; None for fewer than two."""
+    """Return the band from windows of so many seconds; None for fewer than two."""
     count = found.error.shape[0]
     if count < 2 or not np.all(np.isfinite(found.error)):
         return None
@@ -138,7 +138,7 @@ def most(band: Band, output: OutputBand, found: Windows) -> float:
 def with_band(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault]
 ) -> Device:
-    """Return the device with its band, or without one where none can be measured."""
+    """Return the device with its band, or without one if none can be measured."""
     try:
         return replace(device, band=band_of(device, judge_by, ratio, faults))
     except NoObserver:

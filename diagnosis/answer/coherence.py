@@ -45,7 +45,7 @@ LEAST = 1e-6  # of the largest direction, below which forces are the same
 
 @dataclass(frozen=True)
 class Span:
-    """Directions of errors (samples, k), each orthonormal: of a constant force, and of the rest."""
+    """Orthonormal directions of errors (samples, k): of a constant force, and of the others."""
 
     constant: Floats
     forces: Floats
@@ -58,7 +58,7 @@ class Span:
 
 
 def span(device: Device, experiment: Experiment, motion: Floats) -> Span:
-    """Return what forces along foretold motion (runs, length, 2n) add to the first output.
+    """Return what forces along the predicted motion (runs, length, 2n) add to the first output.
 
     Forces act at m1 and in the links. A motion that has overflowed explains nothing.
     """
@@ -88,7 +88,7 @@ def _filtered(forces: Floats, answer: Floats) -> Floats:
 
 
 def _directions(columns: Floats) -> Floats:
-    """Return orthonormal directions of columns, without those that are others again."""
+    """Return orthonormal directions of columns, without linearly dependent ones."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     return left[:, values > LEAST * values.max(initial=0.0)]

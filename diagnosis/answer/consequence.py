@@ -36,7 +36,7 @@ from zwidth.sim.place import label_of, place_at
 
 @dataclass(frozen=True)
 class Worth:
-    """How many times as much free runs err without a finding, at how many sigma, over which [s]."""
+    """By how much free runs err more without a finding, at how many sigma, over which time [s]."""
 
     times: float
     sigma: float
@@ -51,7 +51,7 @@ class Worth:
 def weighed(
     findings: Sequence[Finding], found: Searched, judge_by: Sequence[Experiment]
 ) -> tuple[Finding, ...]:
-    """Return findings with what each is worth; found: the answer that held-out data judge."""
+    """Return findings with their worth; found: the answer that held-out data judge."""
     labels = effect_labels(found.final.model.effects)
 
     def own(f: Finding) -> Finding:
@@ -66,7 +66,7 @@ def weighed(
 
 
 def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Worth | None:
-    """Return what an effect of the answer (its place in the model) is worth; None where unknown."""
+    """Return the worth of an effect of the answer (its index in the model); None if unknown."""
     bare = fit(found.problem, *found.final.model.less(found.final.x, index))
     period = judge_by[0].period
     told: list[Worth] = []
@@ -79,7 +79,7 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 
 
 def may_be_nothing(finding: Finding) -> bool:
-    """Whether the interval of what makes a finding strong holds none of it, or held-out data do.
+    """Whether the interval of a finding's strength includes none of it, or held-out data reject it.
 
     They speak against it if free runs err less without it, and over no horizon more. Of the effects
     named on 60 sealed recordings this was so for two, and neither of them existed. For effects that

@@ -53,7 +53,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened.
+    """One event.
 
     kind: "hit", "stop" (a hit on a stop), "jam", "touch" (a hand or another contact), "push" (a
     force longer than a hit and shorter than a touch), "slip" (of a sensor, a coupling or a clamp).

@@ -52,7 +52,7 @@ NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
 
 def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
-    """The effects of the model, and before them a folded sensor, after them an encoder's step."""
+    """The effects of the model; before them a rectifying sensor, after them an encoder's step."""
     findings = _findings(found)
     with isolated("detect", "encoder_step at sensor"):
         steps = _encoder(device, found, taken.whole, taken.faults)
@@ -66,7 +66,7 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
 
 
 def _findings(found: Searched) -> tuple[Finding, ...]:
-    """The effects of the model, what explains most first."""
+    """The effects of the model, the one that explains most first."""
     final, tried = found.final, found.tried
     spread = attempt("intervals", "", partial(standard_errors, final))
     spread = np.full(final.x.size, np.nan) if spread is None else spread
@@ -90,7 +90,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
 
 
 def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> Finding:
-    """With how many sigma it stands above doing without it, its rivals, its probabilities."""
+    """An effect's sigma over a model without it, its rivals, its probabilities."""
     if odds is None:
         return one
     return replace(
@@ -103,7 +103,7 @@ def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> 
 
 
 def half_width(way: Floats, spread: Floats) -> float:
-    """Return half of the 95 % interval of way x (p,), of covariance spread (p, p) of x."""
+    """Return half of the 95 % interval along a direction x (p,); spread (p, p): covariance."""
     return Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
 
 
@@ -139,7 +139,7 @@ def _estimates(
 def _encoder(
     device: Device, found: Searched, acted: Sequence[Experiment], faults: Sequence[Fault]
 ) -> Finding | None:
-    """The encoder's step that the samples themselves show, where the device does not know it.
+    """The encoder's step that the samples themselves show, if the device file has none.
 
     Values that are no counts would all lie within `INTAKE.whole` of a lattice with a probability of
     (2 whole)^n: this gives the sigma. A step far below the noise is not physics.
@@ -161,7 +161,7 @@ def _encoder(
 
 
 def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
-    """Estimates of what no slope leads to: steps, and the rate of lost commands."""
+    """Estimates of parameters without a slope: steps, and the rate of lost commands."""
     name, rotary = physics.effect.name, found.final.model.nominal.rotary
     (key,) = physics.values
     value = physics.values[key]
@@ -179,7 +179,7 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 def linear(
     device: Device, final: Fitted, experiments: Sequence[Experiment]
 ) -> dict[str, tuple[float, Estimate]]:
-    """Return (nominal, estimate) of each linear parameter by name; a gain only where it is free."""
+    """Return (nominal, estimate) of each linear parameter by name; of a gain only if it is free."""
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
     spread = standard_errors(final)
@@ -224,7 +224,7 @@ def _of_recordings(
 
 
 def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: str) -> float:
-    """A linear parameter in a recording, by so much more in x."""
+    """A linear parameter in a recording that differs by so much in x."""
     there = model.there(x, e).copy()
     there[index] += more
     moved = model.within(there)
@@ -234,7 +234,7 @@ def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: s
 
 
 def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
-    """The magnitude of each effect that the recording would have shown: best fit and 1.96 sigma."""
+    """The smallest visible magnitude of each effect: best fit and 1.96 sigma."""
     problem, fitted = found.problem, found.final
     built, gain = fitted.model.build(fitted.x), fitted.model.reads(fitted.x).gain
     off = Complement(fitted.jacobian)
@@ -254,7 +254,7 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
 
 
 def without(found: Search, label: str) -> float:
-    """At how many sigma the best hypothesis stands above itself without an effect.
+    """How many sigma the best hypothesis is above itself without an effect.
 
     Or, if that was not fitted, better than the best hypothesis whose effects are all among the
     others of the best. A hypothesis with another effect in its place is a rival, and says nothing
@@ -268,7 +268,7 @@ def without(found: Search, label: str) -> float:
 
 
 def shares(found: Search) -> Shares:
-    """Return the probability of every structure that was fitted to its end, by its labels.
+    """Return the probability of every structure that was fitted to the end, by its labels.
 
     A hypothesis with one effect more is the best of everything that was tried, so it pays the
     penalty that a search requires (`evidence.believed`).
@@ -301,7 +301,7 @@ def with_richer(odds: Shares, label: str) -> float:
 
 
 def elsewhere(found: Search, odds: Shares, label: str) -> dict[str, float]:
-    """Return by how much the values of an effect scatter over the structures that have it.
+    """Return how much the values of an effect scatter over the structures that have it.
 
     Variances about the values of the best, weighted by probability: it is also uncertain which
     other effects a device has, and these change the values.
@@ -328,7 +328,7 @@ def _values(h: Hypothesis, label: str) -> dict[str, float]:
 
 
 def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
-    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    """Return the effects fitted in place of an effect of the best hypothesis, nearest first."""
     best = found.best
     behind: dict[str, float] = {}
     for h in found.tried.values():
@@ -354,7 +354,7 @@ def _contains(richer: str, simple: str) -> bool:
 
 
 def _behind(h: Hypothesis, best: Hypothesis) -> float:
-    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    """How much more a hypothesis costs than the best, in units of the pair's overdispersion."""
     if h is best:
         return 0.0
     phi = against(best, h).phi

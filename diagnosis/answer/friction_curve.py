@@ -51,7 +51,7 @@ FASTEST = (0.001, 0.999)  # of the samples, between which it is drawn
 
 @dataclass(frozen=True)
 class FrictionCurve:
-    """The curve, its place, and what the recording says: velocities and forces (samples,)."""
+    """The curve, its place, and the samples of the recording: velocities and forces (samples,)."""
 
     whole: Together
     at: Place
@@ -60,7 +60,7 @@ class FrictionCurve:
 
 
 def friction_curve(found: Searched) -> FrictionCurve | None:
-    """Return the friction of an answer as a curve; None where it names none."""
+    """Return the friction of an answer as a curve; None if it names none."""
     problem, final = found.problem, found.final
     laws = final.model.effects_at(final.x)
     rubs = [p for p in laws if p.effect.family == FRICTION and follows(p, OVER, p.place)]
@@ -84,7 +84,7 @@ def friction_curve(found: Searched) -> FrictionCurve | None:
 
 
 def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
-    """Return the forces (samples,) at a mass or in a link that recordings ask for beyond a fit.
+    """Return the forces (samples,) at a mass or in a link that recordings need beyond a fit.
 
     Those of all recordings in order, each from where the observer has settled.
     """
@@ -94,7 +94,7 @@ def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
 
 
 def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
-    """Return by how much the first output (samples,) is read otherwise than a fit predicts."""
+    """Return the difference between the first output (samples,) and its prediction by a fit."""
     slow, model = _slower(problem, fitted), fitted.model
     device, gain = model.acting(fitted.x), slow.observer.gain
     seen = [model.seen(e, fitted.x) for e in slow.experiments]
@@ -109,7 +109,7 @@ def _slower(problem: Problem, fitted: Fitted) -> Problem:
 
 
 def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, place: str) -> Floats:
-    """Return the force (ticks,) at a mass or in a link that the innovations ask for [N m | N].
+    """Return the missing force (ticks,) at a place that the innovations show [N m | N].
 
     In a link it acts on the first mass, and with the opposite sign on the second.
     """

@@ -62,7 +62,7 @@ FEWEST = 20  # periods of the band in a recording, of which a figure is given
 
 @dataclass(frozen=True)
 class ForceError:
-    """What a recorded motion needs for a force at m1, and what was commanded.
+    """The force at m1 that a recorded motion needs, and the one that was commanded.
 
     Of "before", the device file, "refit", and "after", with what was found: acting (ticks,), from
     begins [s] on, every period [s], the command as it arrives at m1, and lacking (ticks,), the
@@ -86,12 +86,12 @@ class ForceError:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Rms of what lacks, infinite after an overflow."""
+        """Rms of the missing forces, infinite after an overflow."""
         return {name: finite_rms(f) for name, f in self.lacking.items()}
 
     @property
     def shares(self) -> dict[str, float]:
-        """Rms of what lacks over that of the force that acts."""
+        """Rms of the missing force over that of the force that acts."""
         sizes = self.sizes
         return {name: e / (sizes[name] or math.nan) for name, e in self.errors.items()}
 
@@ -107,7 +107,7 @@ class ForceError:
 def force_errors(
     device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> tuple[ForceError, ...]:
-    """Return the force errors of recordings that judge and of those that were fitted.
+    """Return the force errors of validation recordings and of those that were fitted.
 
     Recordings without the motion of every mass, or without a commanded force, have none. The
     held-out rest of a recording is filtered together with its first part, and judged alone.
@@ -150,7 +150,7 @@ def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
 
 def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
-    """Return the command (ticks,) as it arrives at m1 in a model and is read, in a band."""
+    """Return the command (ticks,) as it arrives at m1 in a model and as it is read, in a band."""
     return as_read(model.acting(x), model.seen(e, x), _arrives(model, x, e, band))
 
 
@@ -167,7 +167,7 @@ def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
 
 def as_read(device: Device, e: Experiment, force: Floats) -> Floats:
-    """Return a force (ticks,) behind the filters between m1's motion and what is read of it.
+    """Return a force (ticks,) after the filters between m1's motion and its reading.
 
     A filtered motion needs an equally filtered force, as far as the device is linear: L (F q) = F
     (L q).
@@ -192,7 +192,7 @@ def _without(device: Device, *hooks: str) -> Device:
 def _forces(
     device: Device, seen: Experiment, position: Floats, velocity: Floats, band: float
 ) -> Floats:
-    """Forces (ticks, n) that a device lacks to be where it is said to be."""
+    """Forces (ticks, n) that a device lacks to be where the recording says."""
     n = position.shape[1]
     eq, fine = ready = prepared(seen.on(device))
     places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
@@ -220,7 +220,7 @@ def _forces(
 
 
 def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
-    """Return positions and velocities (ticks, masses) of what was recorded, below a frequency."""
+    """Return the recorded positions and velocities (ticks, masses), below a frequency."""
     t = e.period * np.arange(e.ticks)
     position, velocity = np.zeros((e.ticks, masses)), np.zeros((e.ticks, masses))
     for mass in range(masses):
@@ -236,12 +236,12 @@ def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
 
 
 def low_passed(values: Floats, to_hz: float, period: float) -> Floats:
-    """Return what is below a frequency, without a shift in time."""
+    """Return the part below a frequency, without a shift in time."""
     return sosfiltfilt(butter(ORDER, to_hz, fs=1.0 / period, output="sos"), values, axis=0)
 
 
 def band_of(device: Device, e: Experiment) -> float | None:
-    """Return up to which frequency [Hz] a recording tells the force at m1, None where it does not.
+    """Return up to which frequency [Hz] a recording determines the force at m1, None for nowhere.
 
     It cannot be computed if the motion of a mass, or its sign, is missing, if no force is commanded
     (free motion, a goal, a prescribed motion), or if noise hides the force.
@@ -273,7 +273,7 @@ def band_of(device: Device, e: Experiment) -> float | None:
 
 
 def _noise(y: Floats) -> float:
-    """Rms of what is white in a reading: fourth differences of it have 70 times its variance.
+    """Rms of the white part of a reading: its fourth differences have 70 times its variance.
 
     Of an encoder that moves slowly, at least a step over the root of twelve.
     """
@@ -282,6 +282,6 @@ def _noise(y: Floats) -> float:
 
 
 def _of_mass(e: Experiment, mass: int) -> Output | None:
-    """The output that tells how a mass moves, its position rather than its velocity."""
+    """The output that shows how a mass moves, preferably its position."""
     every = (Output("position", mass), Output("velocity", mass))
     return next((o for o in every if o in e.outputs), None)

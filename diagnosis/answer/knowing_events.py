@@ -37,7 +37,7 @@ ENDED = 0.1  # of how long a force acts, for which it must be seen not to
 def knowing_events(
     taken: Taken, found: Searched, say: Say
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
-    """Return recordings that know what happened in them, the answer to these, and the events.
+    """Return recordings with their events, the answer for these, and the events.
 
     The same recordings and answer if nothing happened, or if the search was interrupted.
     """
@@ -57,7 +57,7 @@ def knowing_events(
 
 
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
-    """Recordings that know what happened, the answer then, and what that was."""
+    """Recordings with their events, the answer then, and the events."""
     with suppress(NoObserver):
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
@@ -81,18 +81,18 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
 
 
 def _every(taken: Taken) -> tuple[Experiment, ...]:
-    """All that was recorded, whole: what happens in it counts its ticks."""
+    """All recorded data, complete, in which the ticks of an event are counted."""
     return (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
 
 
 def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
-    """Whether what begins at a tick of all that was recorded is in what is fitted."""
+    """Whether an event at a tick of all recorded data is in the fitted part."""
     own = one.recording
     return own < len(taken.whole) and one.first < taken.fit_on[own].ticks
 
 
 def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
-    """What stands out most of chance, None where nothing does.
+    """What differs most from chance, None if nothing does.
 
     Named effects have precedence: an answer that was chosen for its free runs lacks what the next
     sample shows (a ripple, how friction sets in), and would seem to have an event at each reversal.
@@ -103,7 +103,7 @@ def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
 
 
 def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment]) -> Search | None:
-    """The search with one effect more that explains what seems to happen; None where none does."""
+    """The search with one more effect that explains the apparent event; None if none does."""
 
     def again(h: Hypothesis) -> Hypothesis:
         return settled(judged(recordings, h.model, h.x, h.family, None, h.prices))
@@ -122,14 +122,14 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
 
 
 def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
-    """A search that has tried nothing yet but two hypotheses."""
+    """A search that so far has only two hypotheses."""
     new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
     restart(new, plain, best)
     return new
 
 
 def _happened(taken: Taken, best: Hypothesis) -> tuple[Happened, ...]:
-    """What happens as a hypothesis sees it; a force that acts until the end may be a change."""
+    """Events according to a hypothesis; a force that acts until the end may be a change."""
     every = _every(taken)
     if highest(every, best) is None:
         return ()
@@ -143,7 +143,7 @@ def _ends(one: Happened, e: Experiment) -> bool:
 
 
 def _with(taken: Taken, known: Sequence[Happened]) -> Taken:
-    """Recordings, whole and in their parts, that know of events."""
+    """Recordings, complete and in their parts, with their events."""
     there = with_events(_every(taken), known)
     whole, others = there[: len(taken.whole)], there[len(taken.whole) :]
     if not taken.whole_unopened:
@@ -163,7 +163,7 @@ def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
 
 
 def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:
-    """What was found, on recordings of which it was not known before what happened in them.
+    """The result of the search, fitted again to recordings with their events.
 
     An event spoils free runs, because of which an answer over a longer horizon was tried. So the
     answer by the next sample is fitted again first, and stands if its free runs are adequate now.
@@ -189,7 +189,7 @@ def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
 
 
 def _held(tried: Search) -> Searched:
-    """An answer, and whether its free runs hold."""
+    """An answer, and whether its free runs are adequate."""
     device = tried.plain.model.nominal
     found = as_found(device, tried)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
@@ -197,7 +197,7 @@ def _held(tried: Search) -> Searched:
 
 
 def _fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
-    """What was tried, on other recordings: the cheapest of it are fitted to them."""
+    """The hypotheses of the search on other recordings: the cheapest are fitted to them."""
     every: list[Hypothesis] = []
     for h in before.tried.values():
         with suppress(NoObserver):

@@ -45,7 +45,7 @@ BENDING = ("friction", "force", "command")  # hooks of laws that do not grow wit
 
 @dataclass(frozen=True)
 class NextLevel:
-    """The one level of all commands [unit], the share of it to record next, by what they differ.
+    """The only level of all commands [unit], the share to record next, the difference there.
 
     differs: how far the answer and the nearest other are apart at that level, over the motion; now:
     the same at the recorded level.
@@ -81,7 +81,7 @@ class NextLevel:
 def next_level(
     found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> NextLevel | None:
-    """Return the level to record next; None where there are several, or nothing bends.
+    """Return the level to record next; None if there are several, or nothing depends on the level.
 
     If nothing was found, the refit is the answer, which other levels may refute.
     """
@@ -107,7 +107,7 @@ def next_level(
 
 
 def one_level(experiments: Sequence[Experiment]) -> float | None:
-    """Return the level of the commands of all recordings; None where they have several, or none."""
+    """Return the level of the commands of all recordings; None if they have several, or none."""
     size = np.abs(np.concatenate([e.command for e in experiments]))
     if any(e.pushed is not None for e in experiments) or not size.max() > 0.0:
         return None
@@ -135,7 +135,7 @@ def _differs(
     experiments: Sequence[Experiment],
     share: float,
 ) -> float:
-    """Return d(share), 0 where the answer hardly moves or runs away."""
+    """Return d(share), 0 if the answer hardly moves or runs away."""
     least = np.inf
     played = [replace(e, command=share * e.command, measured=share * e.measured)
               for e in experiments]  # fmt: skip

@@ -40,7 +40,7 @@ TOLD = 0.05  # of what all samples say of a direction of x, that must be left wi
 
 @dataclass(frozen=True)
 class Regime:
-    """A part of what was recorded. where: (ticks,) of all recordings, less those of settling.
+    """A part of the recordings. where: (ticks,) of all recordings, without those of settling.
 
     other: the words for the part outside of it.
     """
@@ -51,7 +51,7 @@ class Regime:
 
 
 def regimes(experiments: Sequence[Experiment]) -> list[Regime]:
-    """Return the regimes that recordings have: those with enough samples inside and outside."""
+    """Return the regimes of recordings: those with enough samples inside and outside."""
     found = list(_all_regimes(experiments))
     return [r for r in found if LEAST < float(r.where.mean()) < 1.0 - LEAST]
 
@@ -96,7 +96,7 @@ def _speed(e: Experiment) -> Floats:
 
 
 def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
-    """How a hypothesis does in each regime beside one without some of its effects.
+    """How well a hypothesis does in each regime, compared with one without some of its effects.
 
     Both have slopes. Regimes that alone determine a parameter are left out.
     """
@@ -114,7 +114,7 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
 
 
 def _left_out(h: Hypothesis, where: Where) -> Floats | None:
-    """-2 log likelihood (ticks of the regime,) under a fit to the rest; None where that is loose.
+    """-2 log likelihood (ticks of the regime,) for a fit to the rest; None if that is undetermined.
 
     The covariance of all innovations is that of the noise, as in `Observer.cost`.
     """
@@ -142,7 +142,7 @@ def _left_out(h: Hypothesis, where: Where) -> Floats | None:
 def step_without(
     rows: Floats, slopes: Floats, prior: tuple[Floats, Floats], where: Where
 ) -> Floats | None:
-    """Return dx (p,) by which a fit moves without a regime; None where the rest is loose.
+    """Return dx (p,) of a fit without a regime; None if the rest does not determine it.
 
     rows (ticks, o): white residuals; slopes (ticks, o, p); prior: residuals (k,) and slopes (k, p)
     of the priors.

@@ -45,7 +45,7 @@ class Reason(Enum):
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict, of recordings that have no fault."""
+        """The verdict for recordings without a fault."""
         return VERDICTS.get(self, Verdict.UNKNOWN_PHYSICS)
 
 
@@ -65,7 +65,7 @@ NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.NAMED)  # unless a law i
 
 @dataclass(frozen=True)
 class Left:
-    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance.
+    """What the final model leaves: the chi-square that an unknown force would gain, 0 for chance.
 
     whole: in all recorded data, and not in the fitted part. beside: chi-square that may remain
     beside the named effects.
@@ -77,13 +77,13 @@ class Left:
     beside: float = 0.0
 
     def matters(self, named: bool) -> bool:
-        """Whether it is too much for a verdict by name, or there is no name."""
+        """Whether too much is left to name effects, or there are none."""
         return self.gained > (self.beside if named else 0.0)
 
 
 @dataclass(frozen=True)
 class Facts:
-    """All that a verdict rests on.
+    """Everything that a verdict depends on.
 
     refit: name -> (device file's, refitted) linear parameter; left: what no effect of the library
     explains beside what was found, other: the same in its place; sound, free: results on held-out
@@ -108,14 +108,14 @@ class Facts:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict; what is wrong about the recordings comes before what was found in them."""
+        """The verdict; a fault of the recordings comes before anything found in them."""
         found = reason(self).verdict
         wrong = any(f.wrong for f in self.faults) and found is not Verdict.UNDECIDED
         return Verdict.RECORDING_FAULT if wrong else found
 
     @property
     def strays(self) -> bool:
-        """Whether chance must explain much of what free runs err by."""
+        """Whether chance must explain much of the error of free runs."""
         return wander(self.free.after, self.free.noise_floor)
 
     @property
@@ -132,14 +132,14 @@ class Facts:
 
     @property
     def doubtful(self) -> Finding | None:
-        """The least probable of the names, if it is not probable enough."""
+        """The least probable of the named effects, if it is not probable enough."""
         known = [(f.with_richer, f) for f in self.findings if f.with_richer is not None]
         chance, least = min(known, key=lambda pair: pair[0], default=(1.0, None))
         return least if chance < VERDICT.sure else None
 
     @property
     def undecided_by_level(self) -> bool:
-        """Whether another hypothesis is as good at the command's one level, and at no other."""
+        """Whether another hypothesis is as good at the command's only level, and not at others."""
         error = self.free.after
         if self.level is None or not self.level.now < error < self.level.differs:
             return False
@@ -167,7 +167,7 @@ def reason(f: Facts) -> Reason:
 
 
 def _of_names(f: Facts) -> Reason:
-    """Whether the names may be said, where nothing else is left beside them."""
+    """Whether the effects may be named, if nothing else is left."""
     if f.bad:
         return Reason.BAD
     if f.law is not None and not f.law.turns:  # which is a ripple's own shape

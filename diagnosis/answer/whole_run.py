@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WholeRun:
-    """How far free runs are off over a recording, rms in the unit of an output.
+    """Errors of free runs over a recording, rms in the unit of an output.
 
     measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
     device file, "refit", "after", with what was found, and "law", with a learned law, if there is
@@ -55,7 +55,7 @@ class WholeRun:
 
     @property
     def motion(self) -> float:
-        """Rms of what was measured about its mean."""
+        """Rms of the measurement about its mean."""
         return float(self.measured[self.known].std())
 
     @property
@@ -95,7 +95,7 @@ def whole_runs(
     judge_by: Sequence[Experiment],
     law: Searched | None = None,
 ) -> tuple[WholeRun, ...]:
-    """Return the whole runs of recordings that were fitted, and of what was held out.
+    """Return the whole runs of fitted recordings, and of what was held out.
 
     Also of the rest of each recording, from where its first part ends. law: what was found with a
     learned law, None if none was learned.
@@ -123,7 +123,7 @@ def whole_runs(
 def simulated(
     model: Model, x: Floats, e: Experiment, observer: Observer, measured: bool = True
 ) -> Floats:
-    """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected.
+    """Outputs (ticks, o), as recorded, of a free run without any correction.
 
     measured: whether the recording gives the best initial state; otherwise the first samples do.
     """
@@ -143,7 +143,7 @@ def simulated(
 
 
 def recorded(e: Experiment, taken: Floats) -> Floats:
-    """Return outputs (ticks, o), as a recording was taken, as it was recorded."""
+    """Return outputs (ticks, o), converted back to the form of the recording."""
     found = taken.copy()
     for o, output in enumerate(e.outputs):
         if (a := e.differenced.get(output)) is not None:

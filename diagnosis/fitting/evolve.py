@@ -39,7 +39,7 @@ RUNAWAY = 1e12  # cost of a member that runs away: worse than any that does not
 
 @dataclass(frozen=True)
 class Generations:
-    """How long a population is let run.
+    """How long a population runs.
 
     members per generation (from each start), generations; spread: standard deviation of the first
     generation, in x, where one is the device file's own uncertainty.
@@ -53,7 +53,7 @@ class Generations:
 
 @dataclass(frozen=True)
 class Arrived:
-    """Where a population ended: x, its cost under its observer, the predictions it took."""
+    """The end of a population: x, its cost with its observer, and how many predictions it took."""
 
     x: Floats
     cost: float
@@ -67,7 +67,7 @@ def evolve(
     ratio: float,
     plan: Generations = Generations(),
 ) -> list[Arrived]:
-    """Let a population grow from each start, side by side; return where they ended, best first.
+    """Run a population from each start, side by side; return where they ended, best first.
 
     ratio: of the observer, which is made for the first start that can be followed. Empty if none
     can.
@@ -121,7 +121,7 @@ def _own_stream(seed: int) -> Callable[..., Floats]:
 
 
 def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
-    """The cost at each x, and beyond a bound that at the bound and of the way there."""
+    """The cost at each x; beyond a bound, the cost there plus a penalty for the distance."""
     inside = [ground.model.within(x) for x in free]
     beyond = np.array([float(np.sum((a - b) ** 2)) for a, b in zip(free, inside, strict=True)])
     return np.nan_to_num(ground.costs(inside), nan=RUNAWAY, posinf=RUNAWAY) + WALL * beyond
@@ -130,7 +130,7 @@ def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
 def _ground(
     experiments: Sequence[Experiment], model: Model, xs: Sequence[Floats], ratio: float
 ) -> Landscape | None:
-    """The landscape under an observer made for the first x for which there is one."""
+    """The landscape with an observer made for the first x that has one."""
     for x in xs:
         try:
             there = prepared_for(experiments, model, x, blind(ratio))

@@ -37,12 +37,12 @@ class Fitted:
 
 
 def _bounded(values: Floats) -> Floats:
-    """What overflowed, at the worst there is."""
+    """Replaces an overflow by the worst value."""
     return np.clip(np.nan_to_num(values, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
 class Problem:
-    """Experiments under one observer, predicted with so many substeps."""
+    """Experiments with one observer, predicted with a given number of substeps."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Problem:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
 
     def weighted(self, model: Model, x: Floats) -> Floats:
-        """Return the weighted innovations of all experiments, one after the other.
+        """Return the weighted innovations of all experiments, in order.
 
         `WORST` if the model runs away, or moves too fast to be followed.
         """
@@ -70,7 +70,7 @@ class Problem:
 
     @property
     def samples(self) -> int:
-        """Number of weighted innovations, with those of bridged samples, which are zero."""
+        """Number of weighted innovations, including those of bridged samples, which are zero."""
         return sum((e.ticks - SETTLING) * len(e.outputs) for e in self.experiments)
 
     def residual(self, model: Model, x: Floats) -> Floats:

@@ -54,7 +54,7 @@ class Landscape:
         return found + np.sum(np.stack(xs)[:, self.priors] ** 2, axis=1)
 
     def residuals(self, xs: Sequence[Floats]) -> list[Floats]:
-        """Return weighed innovations, then priors, at each x."""
+        """Return weighted innovations, then priors, at each x."""
         self.asked += len(xs)
         weighed = self.problem.weighted_each(self.model, xs)
         return [np.concatenate([w, x[self.priors]]) for w, x in zip(weighed, xs, strict=True)]

@@ -34,7 +34,7 @@ BEGINNING = 32  # samples that say where a run begins
 
 
 class Many:
-    """A model at several x: prepared once, to follow one recording after the other.
+    """A model at several x: prepared once, then run on several recordings.
 
     A member that moves too fast to be followed has infinite innovations. Raises ValueError like
     `Model.acting`.
@@ -56,7 +56,7 @@ class Many:
         return self._kinds[key]
 
     def _everyone(self, xs: Floats, shares: Shares) -> Members:
-        """The members where such shares of what varies hold."""
+        """The members for given shares of the changes."""
         if shares not in self._members:
             self._members[shares] = self.model.members(xs)
             self._members[shares].check()
@@ -144,7 +144,7 @@ class Many:
 
 
 class _Kind(NamedTuple):
-    """Members with the same states and substeps: which, ready to follow, and the first of them."""
+    """Members with the same states and substeps: which, prepared, and the first of them."""
 
     which: NDArray[np.int64]
     population: Population

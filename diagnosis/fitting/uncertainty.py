@@ -17,7 +17,7 @@ Z95 = 1.959963984540054
 
 
 def standard_errors(fitted: Fitted) -> Floats:
-    """Return the standard errors of x, (p,): of all but the command's scale as if it were known.
+    """Return the standard errors of x, (p,), of all but the command's scale, which counts as known.
 
     Motion does not distinguish that scale from masses, springs, dampers and forces together. If it
     is free, its uncertainty would be part of every other interval; so it has an interval of its
@@ -49,7 +49,7 @@ def covariance(fitted: Fitted) -> Floats:
 
 
 def covariance_beside(fitted: Fitted, gauges: Sequence[int]) -> Floats:
-    """Return `covariance` (p, p) beside parameters (places in x) that are as they were fitted.
+    """Return `covariance` (p, p) with some parameters (indices in x) fixed as fitted.
 
     This is a convention and no knowledge. A law over the command can be exchanged against the scale
     of the command, masses and all forces, since twice of all gives the same motion. A law over
@@ -63,7 +63,7 @@ def covariance_beside(fitted: Fitted, gauges: Sequence[int]) -> Floats:
 
 
 def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
-    """Return `covariance` of those parameters whose slopes are given."""
+    """Return `covariance` of the parameters whose slopes are given."""
     rows = np.linalg.pinv(jacobian)
     white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
     power = _smooth_spectrum(fitted.white)
@@ -81,7 +81,7 @@ def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
 
 
 def _as_it_came(shares: Floats) -> Floats:
-    """Return the variances (p,) of sums of what each sample adds, (p, samples).
+    """Return the variances (p,) of sums of the contributions of samples, (p, samples).
 
     Products of neighbours have less weight the further they are apart (Newey & West, Econometrica
     55, 1987), so that errors with a common cause at one reversal of a mass do not count as
@@ -95,14 +95,14 @@ def _as_it_came(shares: Floats) -> Floats:
 
 
 def _smooth_spectrum(white: Floats) -> Floats:
-    """Power spectrum of the residual, one where white with unit variance, over coarse bands."""
+    """Power spectrum of the residual over coarse bands; one if white with unit variance."""
     frequency, power = welch(white, nperseg=min(256, white.size))
     power[0] = power[1]
     return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
 
 
 def inflation(white: Floats) -> float:
-    """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
+    """How much coloured noise may raise a chi-square gain: the maximum of the residual's spectrum.
 
     Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments). Their maximum is
     about 2.2 errors above the mean if the residual is white, and this much is subtracted. Never
@@ -114,7 +114,7 @@ def inflation(white: Floats) -> float:
 
 
 def shared(rows: Floats, segment: int) -> float:
-    """Return how many samples tell together as much as an independent one, at least 1.
+    """Return how many samples contain as much information as one independent one, at least 1.
 
     rows (samples, o): errors that have most of their causes in common with their neighbours. A sum
     over n of them, times anything that changes as slowly as they do, scatters like a sum of n / tau

@@ -77,7 +77,7 @@ class Leftover:
 
 
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
-    """Return the strongest line in what a fitted model leaves.
+    """Return the strongest line in the residual of a fitted model.
 
     It is sought in coarsely whitened innovations, since a fine filter takes a strong line for
     noise.
@@ -116,7 +116,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
 
 
 def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
-    """Problem and fit under filters that no line can be seen by."""
+    """Problem and fit with filters that hide no line."""
     if problem.observer.whitening is None:
         return problem, fitted
     device = fitted.model.acting(fitted.x)
@@ -128,7 +128,7 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
 
 @dataclass(frozen=True)
 class Family:
-    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, of many periods.
+    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, for many periods.
 
     factor: q at every tick of every recording; bins: of s if it is not time, None otherwise; kept:
     which lines of the spectrum; periods: of those.
@@ -144,7 +144,7 @@ class Family:
 
     @property
     def hums(self) -> bool:
-        """Whether the force comes and goes with time alone."""
+        """Whether the force varies with time alone."""
         return self.follows == "1" and self.over == "time"
 
     def power(self, pulls: list[Floats]) -> Floats:
@@ -159,7 +159,7 @@ class Family:
 
 
 def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iterator[Family]:
-    """Every family; of forces that repeat over position alone those beside a ripple at m1.
+    """Every family; of forces periodic in position alone, those beside a ripple at m1.
 
     The library has one ripple and springs. Here harmonics of another shape are sought.
     """
@@ -206,7 +206,7 @@ def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> lis
 
 
 def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
-    """Q at every tick of every recording, by name."""
+    """q at every tick of every recording, by name."""
     i, j = place_at(place).ends
     if j != GROUND:
         return {
@@ -226,7 +226,7 @@ def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
-    """The fit with noise of the residual's own envelope and colour: smoothed, phases drawn."""
+    """The fit with noise of the residual's own envelope and smoothed spectrum, random phases."""
     envelope = np.sqrt(uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect"))
     envelope[envelope == 0.0] = 1.0
     waves = np.fft.rfft(fitted.white / envelope)
@@ -238,7 +238,7 @@ def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
-    """Chi-square of the lines. alone: only of those that stand out of the band around them."""
+    """Chi-square of the lines. alone: only of those above the band around them."""
     over = power / np.where(level > 0.0, level, np.inf)
     if not alone or not over.size:
         return 2.0 * over

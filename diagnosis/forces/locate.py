@@ -68,7 +68,7 @@ NOWHERE = Located(
 
 
 def locate(problem: Problem, fitted: Fitted) -> Located:
-    """Locate what a fitted model leaves unexplained."""
+    """Locate what a fitted model does not explain."""
     first = problem.experiments[0]
     white = fitted.white.reshape(-1, first.measured.shape[1])
     time = _time(white, first.period)
@@ -109,7 +109,7 @@ def _frequency(white: Floats, period: float) -> list[Share]:
 
 
 def motions(problem: Problem, fitted: Fitted) -> list[tuple[Floats, Floats]]:
-    """Return position and velocity of the first output's mass, of every recording, as predicted.
+    """Return the predicted position and velocity of the first output's mass, of every recording.
 
     The motion that the observer predicted before each sample, over the last five of them. A motion
     taken from the samples themselves contains their noise, which the residual would follow.
@@ -201,7 +201,7 @@ def state_of(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats
 
 
 def _entry(maps: Sequence[ForceMap]) -> list[Share]:
-    """Share of the explicable chi-square by place: the best map of each place."""
+    """Share of the explainable chi-square by place: the best map of each place."""
     places = list(dict.fromkeys(m.place for m in maps))
     best = np.array([max(m.gained for m in maps if m.place == p) for p in places])
     shares = _shares(best - BINS)
@@ -222,7 +222,7 @@ def stands_out(top: ForceMap) -> bool:
 
 
 def densest(state: Sequence[Share]) -> str:
-    """Say where in the motion the excess lies, "" where that is everywhere."""
+    """Say where in the motion the excess is, "" if it is everywhere."""
     told = [
         s for s in state
         if s["name"] != "elsewhere" and s["share"] >= max(TELLING, DENSER * s["time_share"])

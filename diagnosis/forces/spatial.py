@@ -42,7 +42,7 @@ WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 @dataclass(frozen=True)
 class Peak:
-    """A wave over a quantity: period, and the chi-square that it would gain, about.
+    """A wave over a quantity: period, and approximately the chi-square that it would gain.
 
     turned: by how much its phase in each group of recordings differs from that in the first.
     """
@@ -89,7 +89,7 @@ class Pull(NamedTuple):
 
 
 def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
-    """Return g of every experiment for what enters at a place, and that of white noise."""
+    """Return g of every experiment for a unit input at a place, and that of white noise."""
     random = np.random.default_rng(SEED)
     size = fitted.residual.size
     noise = [replace(fitted, residual=random.standard_normal(size)) for _ in range(DRAWS)]
@@ -104,7 +104,7 @@ def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
 
 
 def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
-    """Return g (ticks,) of every experiment for what enters at a place, as in `response`."""
+    """Return g (ticks,) of every experiment for a unit input at a place, as in `response`."""
     answer = response(problem, fitted, place)
     found: list[Floats] = []
     first = 0
@@ -127,7 +127,7 @@ def peaks(
     count: int = 3,
     groups: Sequence[Sequence[int]] = (),
 ) -> tuple[list[Peak], int]:
-    """Return the strongest waves over a quantity with periods above `finest`, and lines looked at.
+    """Return the strongest waves over a quantity with periods above `finest`, and lines tried.
 
     pulls: as `pulls` returns them; over: the quantity at every tick, of the same length. Only
     periods of which the travel holds two or more are tried. groups: recordings in which a wave may
@@ -155,7 +155,7 @@ def peaks(
 
 
 def _turned(each: Sequence[Complexes], line: int) -> tuple[float, ...]:
-    """Phases of a line in each spectrum less that in the first, within half a turn."""
+    """Phases of a line in each spectrum relative to the first, within half a turn."""
     return tuple(float(np.angle(waves[line] * np.conj(each[0][line]))) for waves in each)
 
 
@@ -167,7 +167,7 @@ def step_peaks(
     spread: float = 0.0,
     count: int = 3,
 ) -> tuple[list[Peak], int]:
-    """Return the likeliest steps of a quantity above `finest`, and lines looked at.
+    """Return the likeliest steps of a quantity above `finest`, and lines tried.
 
     The error of a step is a saw whose harmonics all have known size and phase, so
 

@@ -1,4 +1,4 @@
-"""Unknown physics that a fast observer hides: searched with slower ones, judged by likelihood.
+"""Unknown physics that a fast observer hides: sought with slower ones, judged by likelihood.
 
 Missing physics without a name is modelled as a force of free shape at one place,
 
@@ -63,7 +63,7 @@ SLOWER = 1e-2  # of the observer's ratio
 
 @dataclass(frozen=True)
 class Shape:
-    """A force of free shape: one column an unknown, (ticks, unknowns) a recording.
+    """A force of free shape: one column for each unknown, (ticks, unknowns) per recording.
 
     ends: share (n,) of it on every mass; -1 at the far end of a link. rebuilt: the same along the
     motion that another problem and fit predict.
@@ -82,7 +82,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Gained:
-    """A shape, the strengths that explain most, and the chi-square they gain."""
+    """A shape, the strengths that explain most, and their gain in chi-square."""
 
     shape: Shape
     strength: Floats
@@ -91,7 +91,7 @@ class Gained:
 
 @dataclass(frozen=True)
 class Forced:
-    """A model fitted beside a known force, which the experiments hold: cost, observer's ratio."""
+    """A model fitted with a known force in the experiments: cost, and the observer's ratio."""
 
     cost: float
     x: Floats
@@ -101,7 +101,7 @@ class Forced:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The shape that makes the recording likeliest: -2 log likelihood gained by its unknowns."""
+    """The likeliest shape: gain in -2 log likelihood by its unknowns."""
 
     gained: float
     unknowns: int
@@ -186,7 +186,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
 
 
 def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
-    """Return place, state, and chi-square that a force in bins of it gains, its unknowns paid."""
+    """Return place, state, and chi-square gained by a force in bins of it, less the penalty."""
     every = _gains(problem, fitted)
     return [
         (g.shape.place, g.shape.follows, _surplus(g)) for g in every if g.shape.follows in STATES
@@ -194,7 +194,7 @@ def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
 
 
 def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitted]]:
-    """Yield the given observer, then a slower one that holds the device, the model refitted."""
+    """Yield the given observer, then a slower one that follows the device, the model refitted."""
     experiments = problem.experiments
     yield problem, current
     ratio = SLOWER * problem.observer.ratio
@@ -249,7 +249,7 @@ def instead(
 
 
 def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
-    """The inertia of m1 that repeats over its position and explains most, of few periods.
+    """The inertia of m1 that is periodic in its position and explains most, of few periods.
 
     An eccentric encoder is equivalent to it by a change of coordinates, except for command and
     dampers, and the part that a refit does not absorb appears on other lines of the spectrum than
@@ -267,7 +267,7 @@ def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Left
 
 
 def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
-    """The line at the period that explains most, between its neighbours.
+    """The best period between the neighbours of a line.
 
     A wave of few periods over the travel is far from any line of the spectrum over it.
     """
@@ -285,7 +285,7 @@ def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Left
 
 
 def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
-    """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
+    """The strongest line as a force: its cosine and sine, times what it is proportional to."""
     states = predicted_states(problem, fitted)
     period = problem.experiments[0].period
     place = place_at(line.at)
@@ -364,7 +364,7 @@ def _refuse_overflow(shape: Shape) -> None:
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
-    """Every shape, with strengths and the chi-square it gains under this observer."""
+    """Every shape, with strengths and its gain in chi-square with this observer."""
     n = fitted.model.acting(fitted.x).chain.masses.size
     off = Complement(fitted.jacobian)
     return [
@@ -376,7 +376,7 @@ def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
 def _solved(
     problem: Problem, fitted: Fitted, off: Complement, shape: Shape
 ) -> tuple[Floats, float]:
-    """Return the strengths that explain most off the refit's span, and the chi-square gained.
+    """Return the strengths that explain most beyond the refit, and the chi-square gained.
 
     None of it if the model answers the force with an overflow.
     """
@@ -394,7 +394,7 @@ def _solved(
 
 
 def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape) -> Floats:
-    """Off the refit's span, one column an unknown."""
+    """Orthogonal to the refit, one column for each unknown."""
     answer = _answer(problem, fitted, shape)
     return np.column_stack(
         [
@@ -405,7 +405,7 @@ def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape)
 
 
 def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
-    """What the model's parameters change by beside the force, to first order."""
+    """The change of the model's parameters with the force, to first order."""
     whole = [c @ one.strength for c in one.shape.columns]
     signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
     way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
@@ -424,7 +424,7 @@ def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
 def _signature(
     fitted: Fitted, answer: Floats, forces: Sequence[Floats | NDArray[np.bool_]]
 ) -> Floats:
-    """What a force, (ticks,) a recording, adds to the residual."""
+    """The contribution of a force, (ticks,) per recording, to the residual."""
     parts = [fftconvolve(f[:, None], answer, axes=0)[SETTLING : f.size].ravel() for f in forces]
     joined = np.concatenate(parts)
     return np.concatenate([joined, np.zeros(fitted.residual.size - joined.size)])
@@ -464,7 +464,7 @@ def _same(place: str, follows: str, n: int) -> Callable[[Problem, Fitted], Shape
 
 
 def _settled(q: Floats) -> Floats:
-    """The same without a spike where the observer settles."""
+    """The same without a spike while the observer settles."""
     return np.where(np.arange(q.size) < SETTLING + 5, 0.0, q)
 
 

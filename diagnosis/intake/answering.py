@@ -52,13 +52,13 @@ FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whateve
 
 
 def unstepped(device: Device) -> Device:
-    """Return a device without effects, steps and limit: what a command may do at most."""
+    """Return a device without effects, steps and limit: the most that a command may do."""
     unlimited = {"encoder_step": 0.0, "command_step": 0.0, "command_limit": np.inf}
     return device.bare().with_interface(**unlimited)
 
 
 def looked_at(e: Experiment) -> Experiment:
-    """Return as much of a recording as tells how it answers its command."""
+    """Return the part of a recording that suffices to see how it answers its command."""
     return e.part(0, min(LOOKED_AT, e.ticks))
 
 
@@ -91,7 +91,7 @@ def resisting(moved: Floats) -> list[Floats]:
 
 @dataclass(frozen=True)
 class Left:
-    """What is left of the innovations: its mean square, itself (samples,), and the scale s."""
+    """The remaining innovations: mean square, values (samples,), and the scale s."""
 
     square: float
     errors: Floats
@@ -99,7 +99,7 @@ class Left:
 
 
 class Answering:
-    """A recording under one observer.
+    """A recording with one observer.
 
     resists: forces (ticks, n) with a known sign; free: those of either sign. margin: samples by
     which a command may act earlier or later. Raises NoObserver if there is none. For a column that
@@ -145,7 +145,7 @@ class Answering:
 
     @property
     def samples(self) -> int:
-        """How many numbers the innovations have."""
+        """Number of innovations."""
         return self.forces.shape[0]
 
     def own_alone(self) -> Floats:
@@ -157,7 +157,7 @@ class Answering:
         return self._flat(self.command, earlier)
 
     def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
-        """Return what is left with the command so many times and samples earlier.
+        """Return the remainder with the command scaled and advanced by so many samples.
 
         scale: None for the one of least error, from `lowest` on.
         """
@@ -178,7 +178,7 @@ class Answering:
     def _solved(
         self, columns: Floats, own: Floats, least: Floats, most: Floats
     ) -> tuple[Floats, Floats]:
-        """As `_bounded`, the shares beside their prior: in units of what is left."""
+        """As `_bounded`, with the prior of the shares in units of the remainder."""
         count = len(self.slopes)
         known = columns.shape[1] - count
         first = _bounded(columns, own, least, most, np.zeros(known + count))
@@ -187,7 +187,7 @@ class Answering:
         return _bounded(columns, own, least, most, prior)
 
     def _columns(self, scale: float, earlier: int) -> Floats:
-        """Forces beside, and what masses, springs and dampers do that are off."""
+        """Additional forces, and the effects of wrong masses, springs and dampers."""
         off = [self._flat(y) + scale * self._flat(u, earlier) for y, u in self.slopes]
         return np.column_stack([self.forces, *off])
 
@@ -198,7 +198,7 @@ class Answering:
 
 
 def _off(device: Device) -> list[Device]:
-    """The device with each linear parameter a fifth more."""
+    """The device with each linear parameter a fifth larger."""
     found: list[Device] = []
     for name in LINEAR:
         for i in np.flatnonzero(getattr(device.chain, name)):
@@ -211,7 +211,7 @@ def _off(device: Device) -> list[Device]:
 def _bounded(
     columns: Floats, own: Floats, least: Floats, most: Floats, prior: Floats
 ) -> tuple[Floats, Floats]:
-    """Return z within bounds that leaves least of own + columns z, and what it leaves.
+    """Return z within bounds that minimises own + columns z, and the remainder.
 
     In the mean square, plus prior times z squared.
     """

@@ -47,7 +47,7 @@ ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 
 @dataclass(frozen=True)
 class Counted:
-    """A position counted in steps, and the filter of the velocity that it was found from.
+    """A position counted in steps, and the filter of the velocity from which it was found.
 
     known: whether both the device file's step and the counts confirm it. turned, size: correlation
     of its errors from sample to sample, and their square.
@@ -68,7 +68,7 @@ class Counted:
 
 
 def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings with the positions that velocities of all of them were counted from.
+    """Return recordings with the positions from which velocities of all of them were computed.
 
     The notes of each recording name what was read in this way. Several recordings are only
     converted if nothing in the device depends on position, since each would have an origin of its
@@ -91,7 +91,7 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
 
 
 def open_zeros(device: Device, experiments: Sequence[Experiment]) -> Device:
-    """Return the device whose zeros are as open as positions that were counted leave them.
+    """Return the device whose zeros are free where positions were counted.
 
     The stretch of a link at the beginning of a recording is taken as about that of later on.
     """
@@ -129,7 +129,7 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
 
 
 def _placed(device: Device) -> bool:
-    """Whether a device that is moved as a whole moves otherwise."""
+    """Whether a device that is moved as a whole moves differently."""
     forces = (p for p in device.physics if p.effect.hook in ("force", "sensor"))
     return device.chain.ground_spring != 0.0 or any(forces)
 
@@ -196,7 +196,7 @@ def _where_it_stands(v: Floats) -> float | None:
 
 
 def _filter_of(v: Floats, unit: float) -> float | None:
-    """The feedback under which velocities are whole counts, None for none."""
+    """The filter coefficient for which velocities are whole counts, None for none."""
     few = v[: FEW + 1] if v.size <= FEW + 1 else v[(v.size - FEW) // 2 :][: FEW + 1]
     counts = (few[1:] - np.outer(FILTERS, few[:-1])) / ((1.0 - FILTERS[:, None]) * unit)
     off = np.mean(np.abs(counts - np.round(counts)), axis=1)
@@ -214,13 +214,13 @@ def _filter_of(v: Floats, unit: float) -> float | None:
 
 
 def _spiked(counts: Floats) -> bool:
-    """Whether a sample stands out from those beside it as no motion does."""
+    """Whether a sample differs from its neighbours more than a motion can."""
     error = np.abs(counts - savgol_filter(counts, *SMOOTHED))
     return float(error.max()) > max(FEWEST, ALONE * float(np.sqrt(np.mean(error**2))))
 
 
 def _turning(each: Sequence[Counted]) -> bool:
-    """Whether errors turn from sample to sample, as those of a position that is differenced.
+    """Whether errors alternate from sample to sample, as those of a differenced position do.
 
     Those of all recordings together, since fast motion hides it in one of them.
     """

@@ -31,7 +31,7 @@ FORGOTTEN = 200  # samples after which a filter has forgotten how it began
 
 
 def measured_alone(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings without velocities that all of them have worked out from a position.
+    """Return recordings without velocities that all of them computed from a position.
 
     The notes of each recording name what is left out.
     """

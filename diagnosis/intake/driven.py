@@ -78,7 +78,7 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
 def _under(
     device: Device, e: Experiment, forces: Sequence[Floats], ratio: float, forward: bool
 ) -> Driven | None:
-    """The same under one observer."""
+    """The same with one observer."""
     try:
         asked = Answering(device, e, ratio, forces)
         if not asked.usable:

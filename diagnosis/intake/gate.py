@@ -34,7 +34,7 @@ ALIKE_OVER = (1, 4, 16, 64, 256)  # ticks, over which a position and a velocity 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
+    """A finding about a recording. kind: a word; wrong: it makes the recording false as it is.
 
     value: what was seen, by kind; if channels are named, the factor that corrects them. recording:
     the name of the recording concerned, "" for all.
@@ -49,7 +49,7 @@ class Fault:
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return what is odd about recordings, what is likeliest of what is suspected of them first.
+    """Return the facts about recordings; the likeliest suspicion first.
 
     Steps and repeats are those of the recordings after correction of their own faults.
     """
@@ -61,7 +61,7 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
 
 
 def oddities(device: Device, e: Experiment) -> list[Fault]:
-    """Return what is odd about a recording and no matter of belief."""
+    """Return the facts about a recording that need no judgement."""
     found = [Fault("recording", note, False, e.begins) for note in e.notes]
     found += _clipped(e) + _output_faults(device, e)
     return [replace(fault, recording=e.name) for fault in found]
@@ -83,7 +83,7 @@ def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
 
 
 def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
-    """Return the fault of channels that count too much or too little by a factor."""
+    """Return the fault of channels whose scale is wrong by a factor."""
     what = "command" if channels == COMMAND else "output"
     kind = f"{what}_sign" if factor < 0.0 else f"{what}_scale"
     return Fault(kind, sentence(e.name, channels, factor), True, factor, e.name, channels)
@@ -103,7 +103,7 @@ def _clipped(e: Experiment) -> list[Fault]:
 
 @dataclass(frozen=True)
 class _Seen:
-    """How many times over an output seems driven; off: not as the device file has it.
+    """The factor by which an output seems driven; off: not as the device file has it.
 
     clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
     better: by which factor the rms error is smaller at that scale than without it, or 1.
@@ -117,11 +117,11 @@ class _Seen:
 
     @property
     def counts(self) -> float:
-        """The factor that corrects it: by its steps where it has them, which know no sign."""
+        """The factor that corrects it: from its steps if it has them, which have no sign."""
         return 1.0 / self.scale if self.step is None else math.copysign(self.step, self.scale)
 
     def certain(self, rotary: bool) -> bool:
-        """Whether it is off whatever physics is: by a sign, or by a unit that is far off.
+        """Whether it is wrong with any physics: by a sign, or by a unit that is far off.
 
         A correction with which the device file's error is smaller by a factor of `certain`,
         including drag, friction and parameters that are wrong by half; or one that the steps
@@ -140,7 +140,7 @@ class _Seen:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """Corrections that may be due, the likeliest first, at most two; none for a sound recording.
+    """Possible corrections, the likeliest first, at most two; none for a sound recording.
 
     Each is a complete correction of the recording. certain: whether a correction is due with any
     physics; then no search needs to decide.
@@ -164,7 +164,7 @@ def suspicion(device: Device, e: Experiment) -> Suspicion:
 
 
 def _tell_the_same(e: Experiment, one: int, other: int) -> bool:
-    """Whether a position and a velocity of one mass are those of one motion, neither read wrong.
+    """Whether position and velocity of one mass agree, so that neither is read wrong.
 
     The regression of the integrated velocity on the travel, and of the travel on it, has a slope of
     one in both directions, which noise of neither signal causes, whatever physics drives the
@@ -209,14 +209,14 @@ def _ways(device: Device, e: Experiment, seen: Sequence[_Seen]) -> list[tuple[Fa
 
 
 def _common(scales: Sequence[float], rotary: bool) -> float:
-    """The factor that most of several scales agree about, as a unit where it is near one."""
+    """The factor on which most of several scales agree, as a unit if it is near one."""
     sign = 1.0 if sum(float(np.sign(s)) for s in scales) >= 0.0 else -1.0
     size = float(np.exp(np.median(np.log(np.abs(scales)))))
     return nearest_unit(sign * size, rotary)
 
 
 def _seen(device: Device, e: Experiment, o: int) -> _Seen:
-    """How many times over one output seems driven.
+    """The factor by which one output seems driven.
 
     A large difference only shows clearly from nearby, so corrections are found one after the other.
     """
@@ -255,7 +255,7 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
 
 
 def _within(factor: float, most: float) -> bool:
-    """Whether a factor is one, to within another."""
+    """Whether two factors agree within a tolerance."""
     return 1.0 / most < factor < most
 
 

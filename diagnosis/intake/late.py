@@ -48,7 +48,7 @@ MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
 
 
 def shifted_by(device: Device, e: Experiment) -> int:
-    """Return by how many samples a command comes late, below 0 for early, 0 for none that shows."""
+    """Return by how many samples a command is late, below 0 for early, 0 if none shows."""
     part = looked_at(e)
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
@@ -89,7 +89,7 @@ class Shift:
     sigma: float
 
     def sure(self, most: int, single: bool) -> bool:
-        """Whether it counts. At the end of what was asked nothing is told: it may lie beyond.
+        """Whether it is significant. At the end of the range it is not, as the best may lie beyond.
 
         single: whether both observers agree on exactly one sample.
         """
@@ -98,7 +98,7 @@ class Shift:
 
 
 def _under(asked: Answering, most: int) -> Shift | None:
-    """What one observer says; None where no command is better than any."""
+    """The result of one observer; None if the command explains nothing."""
 
     @cache
     def left(earlier: int) -> Left:
@@ -120,7 +120,7 @@ def _under(asked: Answering, most: int) -> Shift | None:
 
 
 def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
-    """The shift from which neither neighbour leaves less."""
+    """The shift that is better than both its neighbours."""
     here = begin
     while True:
         near = [n for n in (here - 1, here + 1) if -most <= n <= most]
@@ -131,7 +131,7 @@ def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
 
 
 def _screened(asked: Answering, most: int) -> Floats:
-    """Mean squares left (2 most + 1,) by each shift, of a device that is not off."""
+    """Mean squares left (2 most + 1,) by each shift, for a device without errors."""
     beside = np.linalg.qr(asked.forces)[0]
     own = asked.own_alone()
     own = own - beside @ (beside.T @ own)
@@ -145,7 +145,7 @@ def _screened(asked: Answering, most: int) -> Floats:
 
 
 def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its command when it acts, and what was odd or wrong about it."""
+    """Return a recording with its command when it acts, and what was wrong with it."""
     n = shifted_by(device, e)
     if n == 0:
         return e, []

@@ -40,14 +40,14 @@ TURNS = 30  # of signs and system
 
 @dataclass(frozen=True)
 class Unfolded:
-    """The recording folded out, and by which factor it is predicted better."""
+    """The recording with its signs restored, and by which factor its prediction is better."""
 
     experiment: Experiment
     factor: float
 
 
 def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
-    """Return the recording folded out, None where it does not look like absolute values."""
+    """Return the recording with its signs restored, None if it does not look rectified."""
     y = experiment.measured[:, 0]
     span = float(np.ptp(y))
     if y.min() < -BELOW * span or y.min() > BELOW * span:  # negative, or never near zero
@@ -74,7 +74,7 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
 
 
 def as_known(device: Device, experiment: Experiment) -> Experiment:
-    """Return the recording of a device whose file has such a sensor, folded out."""
+    """Return the recording with its signs restored, for a device whose file has such a sensor."""
     z = folded_out(np.abs(experiment.measured[:, 0]), experiment.command)
     there, turned = np.inf, np.inf
     with suppress(NoObserver):  # else neither way is known to be the better one
@@ -100,7 +100,7 @@ def _with_first(experiment: Experiment, first: Floats) -> Experiment:
 
 
 def folded_out(y: Floats, command: Floats) -> Floats:
-    """Return y with the signs under which it moves as one linear system under a command.
+    """Return y with the signs for which it moves as one linear system under a command.
 
     The signs that continue the motion over one, two and four samples are tried, and the ones of
     least error kept. The sign of the whole may still be wrong.

@@ -43,7 +43,7 @@ EXCHANGED = "command_exchanged"
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its outputs in their places, and what was wrong about its columns."""
+    """Return a recording with its columns put right, and what was wrong with them."""
     bare, part = unstepped(device), looked_at(e)
     with np.errstate(all="ignore"):  # of sizes that no square holds nothing is told
         held = np.sum(part.measured**2), np.sum(part.command**2)
@@ -113,7 +113,7 @@ def _evened(e: Experiment, a: int, b: int) -> Experiment:
 
 
 def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float, float]:
-    """Mean log rms innovation of two outputs, under each observer that follows, by its ratio."""
+    """Mean log rms innovation of two outputs, for each observer that follows, by its ratio."""
     found: dict[float, float] = {}
     for ratio in (*RATIOS, 1.0):
         try:
@@ -128,7 +128,7 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float
 
 
 def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
-    """What an output, as the command, leaves of the command, over what that leaves of it.
+    """Ratio of the unexplained shares with output and command exchanged, and as described.
 
     1 if it cannot be determined.
     """
@@ -162,7 +162,7 @@ def periods(u: Floats) -> int:
 
 
 def _unanswered(device: Device, e: Experiment) -> float:
-    """The least share of the squares of e that a command leaves, of any scale."""
+    """The smallest share of the squares of e that remains with a command of any scale."""
     found = [1.0]
     if (moved := motion(device, e)) is None:
         return 1.0

@@ -46,7 +46,7 @@ NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Taken:
-    """Recordings whole, the part of each to fit on, and what is to judge.
+    """Complete recordings, the part of each to fit, and what is to judge.
 
     faults: what is wrong with them; folded: by which factor they are better unfolded, or 1.
     whole_unopened: the held-out data are a part of them, and not other recordings. left_out:
@@ -70,7 +70,7 @@ class Taken:
 def take_in(
     device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
 ) -> Taken:
-    """Take recordings in as they are likeliest to be read, by a quick search of each reading.
+    """Prepare recordings as they are likeliest to be read, by a quick search of each reading.
 
     Unchanged if an error ended such a search, since its result then says nothing about a reading.
     Raises as `readings` does.
@@ -150,7 +150,7 @@ def readings(
 
 @dataclass(frozen=True)
 class _Looked:
-    """A recording folded out, by which factor that is better, what is odd, what is suspected.
+    """A recording with signs restored, the factor gained, facts about it, and suspicions.
 
     certain: whether the correction is due with any physics.
     """
@@ -162,7 +162,7 @@ class _Looked:
     certain: bool = False
 
     def decided(self) -> "_Looked":
-        """Return it with the likeliest way alone, which says what other channel it may be."""
+        """Return it with the likeliest way alone, and the other channels that may be at fault."""
         if not self.ways:
             return self
         others = [f for way in self.ways[1:] for f in way]
@@ -211,7 +211,7 @@ def _taken(
 
 
 def said_once(faults: Sequence[Fault]) -> list[Fault]:
-    """Return faults, of those that say the same of stretches of one recording the largest."""
+    """Return faults; of equal ones from stretches of one recording, the largest."""
     found: dict[tuple[str, str, str], Fault] = {}
     for fault in faults:
         said = (fault.kind, fault.recording, NUMBER.sub("#", fault.sentence))
@@ -221,7 +221,7 @@ def said_once(faults: Sequence[Fault]) -> list[Fault]:
 
 
 def misread_price(taken: Taken) -> float:
-    """Return what a reading costs beside what is explained under it, in -2 ln.
+    """Return the cost of a reading besides the cost of its hypothesis, in -2 ln.
 
     y was measured, and a reading that corrects an output by s predicts z = s y. For n samples
 
@@ -253,7 +253,7 @@ def _rarity(factor: float) -> float:
 def likeliest(
     every: Sequence[Taken], search: Callable[[Taken], tuple[float, Result]]
 ) -> tuple[Taken, Result]:
-    """Return the reading that costs least, with what a search under it found.
+    """Return the reading of least cost, and the result of the search with it.
 
     search: gives the cost of the best hypothesis under a reading and what it found, or raises
     NoObserver, which excludes that reading. Raises NoObserver if no reading is left. If another
@@ -279,7 +279,7 @@ def likeliest(
 
 
 def _with_doubt(kept: Taken, as_good: Sequence[Taken]) -> Taken:
-    """Say of each fault what other channel it may be as well."""
+    """Add to each fault which other channel it may be."""
     others = [f for taken in as_good for _, f in taken.misread]
     misread = tuple((place, _doubted(fault, others)) for place, fault in kept.misread)
     known = {id(old): new for (_, old), (_, new) in zip(kept.misread, misread, strict=True)}
@@ -298,7 +298,7 @@ def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
 
 
 def judged_anew(taken: Taken, found: Device) -> Taken:
-    """Correct recordings to judge by where the device that was found says what is wrong with them.
+    """Correct validation recordings where the device that was found shows what is wrong with them.
 
     No search sees them, and what the device file alone makes suspicious may be physics.
     """
@@ -317,7 +317,7 @@ def judged_anew(taken: Taken, found: Device) -> Taken:
 
 
 def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) -> NotDiagnosed:
-    """Return the end of a diagnosis by an error in a stage that nothing can be said without."""
+    """Return a diagnosis ended by an error in a stage without which there is no answer."""
     with collecting(silent) as mishaps:
         sentence = f"nothing can be concluded: {mishaps.keep(stage, '', error).sentence}"
         return NotDiagnosed(Unanswered(sentence, tuple(faults), tuple(mishaps.found)))
@@ -326,7 +326,7 @@ def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) ->
 def _each(
     experiments: Sequence[Experiment], work: Callable[[Experiment], Result]
 ) -> list[tuple[int, Result]]:
-    """What work gives on each recording, with its place; an error in one of several costs it."""
+    """The result of work on each recording, by index; an error in one of several loses that one."""
     found: list[tuple[int, Result]] = []
     for place, e in enumerate(experiments):
         try:
@@ -344,7 +344,7 @@ def _each(
 
 
 def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
-    """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
+    """Restore the signs of a rectifying sensor; returns the factor gained, or 1."""
     if any(p.effect.name == "rectified_sensor" for p in device.physics):
         return as_known(device, e), 1.0
     tried = unfolded(device, e)
@@ -352,7 +352,7 @@ def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
 
 
 def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Take a command as smooth between samples where that explains the motion much better.
+    """Take a command as smooth between samples if that explains the motion much better.
 
     Or if the device file says so.
     """
