@@ -79,6 +79,6 @@ class Problem:
         return np.concatenate([self.weighted(model, x), prior])
 
     def cost(self, fitted: Fitted) -> float:
-        """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
+        """Return -2 log likelihood of the innovations, at their own deviations, plus the priors."""
         prior = fitted.residual[fitted.samples :]
         return self.observer.cost(fitted.white) + float(prior @ prior)

@@ -206,7 +206,7 @@ def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> lis
 
 
 def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
-    """q at every tick of every recording, by name."""
+    """Q at every tick of every recording, by name."""
     i, j = place_at(place).ends
     if j != GROUND:
         return {

@@ -119,7 +119,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Instead:
-    """A force of no library in the place of named effects, likelier by so much, unknowns paid."""
+    """A force of no library in place of named effects: its gain, less its penalty."""
 
     gained: float
     unknowns: int

@@ -63,7 +63,7 @@ def looked_at(e: Experiment) -> Experiment:
 
 
 def motion(device: Device, e: Experiment) -> Floats | None:
-    """Return how the masses move (ticks, 2n), None where no finite number or observer tells."""
+    """Return the motion of the masses (ticks, 2n), None if not finite or without an observer."""
     # Of sizes that no number holds nothing is told.
     with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
         moved = followed(device, e, observer_near(device, e, FOLLOWING))
@@ -72,7 +72,7 @@ def motion(device: Device, e: Experiment) -> Floats | None:
 
 
 def resisting(moved: Floats) -> list[Floats]:
-    """Forces (ticks, n) that resist or hold, of unit size, by how the masses move (ticks, 2n)."""
+    """Forces (ticks, n) of unit size that resist or hold, for a motion (ticks, 2n)."""
     n = moved.shape[1] // 2
     found: list[Floats] = []
     for mass in range(n):

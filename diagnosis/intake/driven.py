@@ -44,7 +44,7 @@ class Driven:
 
 
 def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | None:
-    """Return how many times over a device seems driven, None where nothing can be compared.
+    """Return the factor by which a device seems driven, None if nothing can be compared.
 
     forward: whether the sign of its command is known to be right.
     """

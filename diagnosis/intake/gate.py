@@ -315,7 +315,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
 
 
 def merged(values: Floats, share: float) -> Floats:
-    """Return levels in order, those that differ by less than a share of the largest as one."""
+    """Return levels in order; levels closer than a share of the largest count as one."""
     levels = np.unique(values)
     digits = 4.0 * np.finfo(np.float64).eps * float(np.abs(levels).max(initial=0.0))
     apart = np.diff(levels) > share * float(np.ptp(levels)) + digits

@@ -77,7 +77,7 @@ def shifted_by(device: Device, e: Experiment) -> int:
 
 @dataclass(frozen=True)
 class Shift:
-    """By how many samples a command comes late, and what says so.
+    """The delay of a command in samples, and its evidence.
 
     gained: decrease of -2 ln likelihood; better: the same as a factor of the rms error; sigma: by
     blocks.

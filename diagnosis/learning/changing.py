@@ -76,7 +76,7 @@ FEWEST_RUNS = 3  # of which one may be unlike the others; of two it is a step
 
 @dataclass(frozen=True)
 class Suspect:
-    """A change that would gain: of which parameter, of which shape, when.
+    """A possible change: of which parameter, of which shape, when.
 
     at: of a step, ticks of all recordings in order; between: its 95 % interval. rate: of settling,
     in ticks; of a recording unlike the others, where it ends, and `at` where it begins. amount: in
@@ -103,7 +103,7 @@ class Suspect:
 
     @property
     def worth(self) -> float:
-        """What it would gain, all paid."""
+        """Its gain, less all penalties."""
         return self.told.gain - self.price - self.freedom
 
 
@@ -131,7 +131,7 @@ class _Sums(NamedTuple):
 
 
 def suspected(h: Hypothesis) -> Suspect | None:
-    """Return the change that a fitted hypothesis would gain most by, None where none would pay."""
+    """Return the change by which a fitted hypothesis would gain most, None if none would pay."""
     smooth = {v.of for v in h.model.varying if v.smooth}  # what is left is that it is cut in parts
     sums = _sums(h)
     every = [s for shape in SHAPES for s in _best_of(h, sums, shape)]
@@ -179,7 +179,7 @@ def _sums(h: Hypothesis) -> _Sums:
 
 
 def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
-    """The best change of one shape of each parameter."""
+    """The best change of one shape for each parameter."""
     assert h.slopes is not None
     at, end = sums.begins, sums.end
     middle = 0.5 * (at + np.append(at[1:], end))
@@ -245,7 +245,7 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
 
 
 def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
-    """What all recordings have beside the motion, that does not stay the same."""
+    """What all recordings contain besides the motion that varies."""
     found: list[Followed] = []
     for c in experiments[-1].covariates:
         own = [d for e in experiments for d in e.covariates if d.name == c.name]
@@ -263,7 +263,7 @@ def groups(experiments: Sequence[Experiment]) -> list[list[int]]:
 
 
 def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
-    """Each parameter as another in every recording: numbers for all but the last."""
+    """Each parameter with another value in every recording: one number for all but the last."""
     assert h.slopes is not None
     own = groups(h.experiments)
     if len(own) < FEWEST_RUNS or any(e.shares for e in h.experiments):
@@ -294,7 +294,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
 
 
 def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
-    """What a change gains in stretches of the recordings, as the slopes foretell it."""
+    """Gain of a change by stretches of the recordings, as the slopes predict it."""
     assert h.slopes is not None
     p = h.x.size
     blocks = np.zeros((share.size, p + 1, p + 1))
@@ -320,7 +320,7 @@ def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
 
 
 def share_at(suspect: Suspect, tick: float, end: float) -> float:
-    """Return how much of a change over time holds at a tick of all recordings."""
+    """Return the share of a change over time that holds at a tick of all recordings."""
     if suspect.shape == STEP:
         return float(tick < suspect.at)
     if suspect.shape == RUN:
@@ -329,7 +329,7 @@ def share_at(suspect: Suspect, tick: float, end: float) -> float:
 
 
 def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> float:
-    """Return how much of a change holds in a part that begins at a tick of all recordings.
+    """Return the share of a change that holds in a part that begins at a tick of all recordings.
 
     In the middle of the samples that count, once an observer has settled; the mean of a recorded
     quantity.
@@ -342,7 +342,7 @@ def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> f
 def cut(
     experiments: Sequence[Experiment], suspect: Suspect, names: Sequence[str]
 ) -> list[Experiment]:
-    """Return recordings in parts in each of which a change holds as much as in all of it.
+    """Return recordings in parts in each of which the share of a change is constant.
 
     names: of the change, or of all changes if every recording has its own.
     """
@@ -384,7 +384,7 @@ def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class Varied:
-    """A change that was fitted, and how it was asked for.
+    """A fitted change, and how it was sought.
 
     hypothesis: with it, on recordings in parts; without: the same parts without. names: of the
     change, of several if every recording has its own.
@@ -397,12 +397,12 @@ class Varied:
 
     @property
     def gained(self) -> float:
-        """In -2 ln, all paid."""
+        """In -2 ln, less all penalties."""
         return self.without.cost.total - self.hypothesis.cost.total
 
 
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
-    """Fit a change that is suspected; None where it is not believed. Raises NoObserver."""
+    """Fit a suspected change; None if it is not believed. Raises NoObserver."""
     first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
     names = tuple(f"change {first + i}" for i in range(len(amounts)))
     parts = cut(h.experiments, suspect, names)
@@ -438,7 +438,7 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
 def _dated(
     experiments: Sequence[Experiment], h: Hypothesis, suspect: Suspect
 ) -> tuple[float, tuple[float, float]]:
-    """Return when a step is, and the 95 % interval, in ticks of all recordings.
+    """Return the time of a step, and its 95 % interval, in ticks of all recordings.
 
     h: with the step, fitted to the recordings in their parts.
     """
@@ -467,7 +467,7 @@ def _dated(
 
 
 def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop: int) -> Floats:
-    """What a recording costs (ticks,) until a tick where a step is at each of some."""
+    """The cost of a recording (ticks,) with a step at each of some ticks."""
     model, x, observer = h.model, h.x, h.noise.observer
     device = model.acting(x)
     held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
@@ -499,7 +499,7 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
 
 
 def with_varying(h: Hypothesis, model: Model, parts: Sequence[Experiment]) -> Hypothesis:
-    """Return a rival of a hypothesis that varies, fitted anew to the same parts."""
+    """Return a rival of a hypothesis with a change, fitted again to the same parts."""
     own = replace(h.model, varying=model.varying)
     more = len(own.parameters) - h.x.size
     return settled(judged(parts, own, np.append(h.x, np.zeros(more)), h.family))
@@ -514,7 +514,7 @@ class Course(NamedTuple):
 
 
 def course(h: Hypothesis, index: int) -> Course:
-    """Return a parameter as each window of the recordings tells it by itself, to first order.
+    """Return a parameter in each window of the recordings by itself, to first order.
 
     All others are the same everywhere. h: fitted, with the parameter the same everywhere as well.
     """

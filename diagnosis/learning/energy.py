@@ -21,7 +21,7 @@ LITTLE = 1e-3  # of the largest power, below which none is made
 
 
 def makes_energy(curve: Learned, rotary: bool) -> str:
-    """Say whether a law ever makes energy over the states that were seen."""
+    """Say whether a law ever generates energy over the states that were seen."""
     match curve.physics.effect.name:
         case "free_spring":
             return "it depends on position alone, so it generates no energy over a closed path"

@@ -62,7 +62,7 @@ Edge = tuple[float, float, float]  # first, likeliest, last
 
 @dataclass
 class Polylines:
-    """What polylines cost, by G (bins, bins) and p of the bins of ticks that they may stand in.
+    """The cost of polylines, from G (bins, bins) and p of the bins of ticks of their window.
 
     rest: the constant; rows: of r; wide: overdispersion; at (bins + 1,): where bins begin and end,
     in ticks, of one tick each by default; costs and inner knots: by both ends, in bins.
@@ -117,7 +117,7 @@ class Polylines:
         return self.solved(begins, ends, knots)
 
     def cost(self, begins: int, ends: int) -> float:
-        """What the best polyline from a bin to another costs."""
+        """The cost of the best polyline from one bin to another."""
         key = begins, ends
         if key not in self.costs:
             inner = tuple(k for k in self.knots if begins < k < ends)
@@ -125,7 +125,7 @@ class Polylines:
         return self.costs[key][0]
 
     def _improved(self, begins: int, ends: int, inner: Knots) -> tuple[float, Knots]:
-        """Knots added and taken away while that pays."""
+        """Add and remove knots while that pays."""
         even = np.linspace(begins, ends, PLACES + 1).round().astype(np.int64).tolist()
         near = [begins + d for d in NEAR] + [ends - d for d in NEAR]
         places = sorted({k for k in (*even, *near, *self.knots) if begins < k < ends})
@@ -165,7 +165,7 @@ class Polylines:
 
 
 class Polyline(NamedTuple):
-    """|r|^2 with its best values at its knots; ticks that it stands in, what a value adds there."""
+    """|r|^2 with the best values at its knots; its ticks, and the effect of one more value."""
 
     chi2: float
     values: Floats
@@ -175,7 +175,7 @@ class Polyline(NamedTuple):
 
     @property
     def by_knots(self) -> Floats:
-        """What moving each inner knot by a tick adds (knots, ticks)."""
+        """The change by moving each inner knot by a tick (knots, ticks)."""
         if self.knots.size <= 2:
             return np.zeros((0, self.own.size))
         slopes = np.diff(self.values) / np.diff(self.knots)
@@ -223,7 +223,7 @@ def _bin(at: NDArray[np.int64], tick: int) -> int:
 
 
 def _of_polyline(one: Happened, lines: Polylines) -> Happened:
-    """The event with the best polyline for its force, its covariance for known edges."""
+    """The event with the best polyline for its force, and its covariance for known edges."""
     line = lines.best()
     there = np.arange(math.floor(line.knots[0]), math.ceil(line.knots[-1])) + HALF
     first, last = min(one.first, int(line.knots[0])), max(one.last, int(line.knots[-1]))
@@ -290,7 +290,7 @@ def _evenly(low: int, high: int) -> list[int]:
 def _sought(
     cost: Callable[[int], float], begin: Sequence[int], low: int, high: int
 ) -> tuple[int, tuple[int, int]]:
-    """Return the tick of the least cost, and the first and last that cost less than 7.35 more.
+    """Return the tick of least cost, and the first and last that cost less than 7.35 more.
 
     Gaps beside these are halved until they are closed. begin: ticks that are tried first.
     """
@@ -307,7 +307,7 @@ def _sought(
 
 
 def _halved(known: Mapping[int, float], end: int, way: int, low: int, high: int) -> int | None:
-    """The middle of the gap that one tick has on one side, None where it is closed."""
+    """The middle of the gap beside a tick on one side, None if there is no gap."""
     beyond = [k for k in known if (k - end) * way > 0]
     other = min(beyond, key=lambda k: abs(k - end), default=(low if way < 0 else high) + way)
     return (end + other) // 2 if abs(other - end) > 1 else None

@@ -51,7 +51,7 @@ ABOUT = 3  # ticks about its peak, in which a slip is dated
 
 
 class Pulse(NamedTuple):
-    """From which tick of a recording on, and for how many, a force is asked for."""
+    """The first tick of a force in a recording, and its length."""
 
     first: int
     ticks: int
@@ -70,7 +70,7 @@ class Pulse(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where something enters: a mass, a link, or an output's reading (its name, and which).
+    """Where an event enters: a mass, a link, or an output's reading (its name, and which).
 
     lasting: permanent from its time on, as a slip is.
     """
@@ -119,14 +119,14 @@ class Happened:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A description of an event that was fitted, and what it costs."""
+    """A fitted description of an event, and its cost."""
 
     happened: Happened
     cost: float
 
 
 class Window:
-    """A recording about an event, from the state that the observer has before it."""
+    """A recording around an event, from the state that the observer has before it."""
 
     def __init__(self, h: Hypothesis, recording: int, first: int, last: int) -> None:
         e = h.problem.experiments[recording]
@@ -190,7 +190,7 @@ class Window:
 def fitted_event(
     h: Hypothesis, recording: int, pulses: Sequence[Pulse], source: Source | None = None
 ) -> Happened:
-    """Return an event of some pulses in a recording, as the cheapest description of it has it.
+    """Return the cheapest description of an event of some pulses in a recording.
 
     h: fitted with knowledge of all other events. source: where it enters, None for anywhere.
     """
@@ -267,7 +267,7 @@ def _force(
 def _slip(
     window: Window, recording: int, first: int, last: int, source: Source, wide: float
 ) -> _Tried | None:
-    """What sets in at one tick for good; None where it could not be seen."""
+    """A permanent event from one tick on; None if it could not be seen."""
     begins, outputs = window.begins, len(window.seen.outputs)
     ticks = range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT))
     if not ticks:
@@ -311,7 +311,7 @@ def _slip(
 
 
 class Solved(NamedTuple):
-    """f (k,) of the least squares, its covariance, the chi-square there and what it gained."""
+    """f (k,) of least squares, its covariance, the chi-square there and its gain."""
 
     f: Floats
     covariance: Floats
@@ -320,7 +320,7 @@ class Solved(NamedTuple):
 
 
 def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> Solved:
-    """Return the least squares from no force on.
+    """Return the least squares, starting without a force.
 
     unknown: the residual without a force; unit (k,): as in `slope_of`.
     """
@@ -358,7 +358,7 @@ def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> 
 def slope_of(
     moved: Callable[[float], Floats], unknown: Floats, unit: float = 1e-6
 ) -> tuple[float, Floats]:
-    """Return by how much a number moves the residual by about one, and its slope there.
+    """Return the step of a number that changes the residual by about one, and its slope there.
 
     unit: the size at which the slope is computed. Steps are as large as the noise allows to be
     hidden: a mass that sticks under smaller ones moves under these.

@@ -104,7 +104,7 @@ def happenings(
     h: Hypothesis,
     fit_on: FitOn,
 ) -> tuple[Happened, ...]:
-    """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
+    """Return the events of recordings according to a fitted hypothesis; in order of time.
 
     recordings: whole, without forces of events; fit_on: gives the recordings of the fit with some
     events known. Parameters are fitted again with each event, since it has distorted them. Raises
@@ -132,7 +132,7 @@ def happenings(
 
 
 def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
-    """Return the highest peak of all, None where chance reaches it: nothing is fitted yet.
+    """Return the highest peak of all, None if chance reaches it; before any fit.
 
     With the likeliest noise of all recordings, which includes part of an event; what still exceeds
     it is one. Raises NoObserver if the recordings cannot be followed.
@@ -142,7 +142,7 @@ def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
 
 
 def set_apart(h: Hypothesis) -> list[Experiment] | None:
-    """Return a hypothesis's recordings without what stands out most of chance; None where nothing.
+    """Return a hypothesis's recordings without the most improbable peak; None if there is none.
 
     With its own noise, or a slower one, since the likeliest noise takes a force that acts for long
     for a disturbance. The recording is cut around a force, which would hide missing physics
@@ -170,7 +170,7 @@ def set_apart(h: Hypothesis) -> list[Experiment] | None:
 def _agreed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> tuple[list[Happened], Hypothesis]:
-    """Events, parameters and noise fitted in turn, until neither gains.
+    """Fit events, parameters and noise in turn, until neither gains.
 
     The remainder of an event, at parameters that it has distorted, looks like another event, and
     noise that is fitted without the event includes it. So each is fitted twice, first wherever it
@@ -195,7 +195,7 @@ def _agreed(
 def _believed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> list[Happened]:
-    """Those that stand out of what chance does where none of them is; the weakest is asked first.
+    """The events that exceed chance in recordings without them; the weakest is tested first.
 
     An event that is dropped becomes part of the chance of the others. An event beside others must
     be clear when only these are known and everything is fitted with them; otherwise it is a
@@ -221,7 +221,7 @@ def _believed(
 def _judged(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> Hypothesis:
-    """The hypothesis where events are known, under the noise that it has where it was fitted.
+    """The hypothesis with known events, with the noise of the fit.
 
     An event in held-out recordings, or in a part that was set apart, is not noise.
     """
@@ -232,7 +232,7 @@ def _judged(
 
 
 def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> list[Experiment]:
-    """Return recordings that know of events: their forces act, their slips are taken off."""
+    """Return recordings with their events: forces act, slips are subtracted."""
     known = list(recordings)
     for one in found:
         known[one.recording] = one.on(known[one.recording])
@@ -257,7 +257,7 @@ class _Answer(NamedTuple):
 def _searched(
     h: Hypothesis, known: Sequence[Happened], aside: int = 0
 ) -> tuple[Peak | None, Chance]:
-    """The highest of all peaks, and what chance reaches in stretches beside known events.
+    """The highest of all peaks, and the distribution of chance in stretches beside known events.
 
     aside: number of highest peaks to exclude, which may be unknown events. With nonsmooth laws, an
     event must also exceed chance among like states.
@@ -281,7 +281,7 @@ def _searched(
 
 
 def _in_ticks(h: Hypothesis) -> list[Floats]:
-    """The whitened innovations (ticks, o) of each recording, nothing where an observer settles."""
+    """The whitened innovations (ticks, o) of each recording, zero while an observer settles."""
     row, outputs = 0, h.noise.observer.deviation.size
     found: list[Floats] = []
     for e in h.experiments:
@@ -333,7 +333,7 @@ def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]])
 
 
 def _touching(first: int, last: int) -> slice:
-    """What something touches: its own ticks, and those that hold its pulses."""
+    """The ticks that an event touches: its own, and those that contain its pulses."""
     return slice(max(0, first - STRETCH), last + 2 * STRETCH)
 
 
@@ -342,7 +342,7 @@ def _touched(one: Happened) -> slice:
 
 
 def _stretches(gains: Floats) -> Floats:
-    """The highest gain of each stretch of which nothing was taken out."""
+    """The highest gain of each stretch of which nothing was removed."""
     starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
     every = np.array([gains[a : a + STRETCH].max() for a in starts])
     return every[np.isfinite(every)]
@@ -368,14 +368,14 @@ def _answers(h: Hypothesis) -> list[_Answer]:
 
 
 def _longest(e: Experiment) -> int:
-    """Ticks of the longest event that is asked for."""
+    """Ticks of the longest event that is sought."""
     return max(1, round(min(EVENTS.longest_s / e.period, EVENTS.longest_share * e.ticks)))
 
 
 def _gains(
     white: Floats, answers: Sequence[_Answer], e: Experiment
 ) -> tuple[Floats, list[tuple[Source, int]]]:
-    """The best gain of what begins at each tick (ticks,), in its own median; and what it is."""
+    """The best gain of an event that begins at each tick (ticks,), over its median; and which."""
     ticks, longest = white.shape[0], _longest(e)
     octaves = math.log2(longest)
     lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
@@ -399,7 +399,7 @@ def _gains(
 
 
 def _onset(white: Floats, h: Floats) -> Floats:
-    """The score (ticks,) of what sets in for good, by what it does in the first ticks."""
+    """The score (ticks,) of a permanent event, from its first ticks."""
     s, ticks = np.cumsum(h[:SEEN], axis=0), white.shape[0]
     pull = [fftconvolve(white[::-1, o], s[:, o])[:ticks][::-1] for o in range(s.shape[1])]
     return np.sum(pull, axis=0) / math.sqrt(max(float(np.sum(s**2)), 1e-300))

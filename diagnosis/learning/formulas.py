@@ -252,7 +252,7 @@ def formulas(
     period: float = 0.0,
     rubs: bool = False,
 ) -> list[Formula]:
-    """Return what a law looks like, the likeliest first: that, and what it is not told from.
+    """Return the formulas near a law, the likeliest first, with those not distinguished from it.
 
     states, forces (points,): of the law, covariance (points, points) of the forces. odd: of |s|.
     period: of a periodic law, whose forms are harmonics; rubs: whether friction is part of it.
@@ -286,7 +286,7 @@ def formulas(
 def _fitted(
     form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
 ) -> Formula | None:
-    """A form at its nearest to a law; None where the law has no more points than it has numbers."""
+    """A form at its nearest to a law; None if it has as many numbers as the law has points."""
     count = len(form.factors) + (len(form.shape) if period == 0.0 else 0)
     if states.size <= count:
         return None
@@ -323,12 +323,12 @@ def _fitted(
 
 
 def _unit(name: str, reach: float) -> float:
-    """What a number of a shape is counted in: powers are numbers, all others are states."""
+    """The unit of a nonlinear number: powers are numbers, all others are states."""
     return 1.0 if name == "p" else reach
 
 
 def _limits(name: str, start: float, reach: float) -> tuple[float, float]:
-    """Bounds of a number of a shape: a power, a place, or a width, which keeps its sign."""
+    """Bounds of a nonlinear number: a power, a place, or a width, which keeps its sign."""
     if name == "p":
         return POWERS
     if name == "m":

@@ -45,7 +45,7 @@ JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of fo
 
 @dataclass(frozen=True)
 class Known:
-    """What a fit knows of the table that it has last: places in x, scales, forces, precision P.
+    """What a fit knows about its last table: indices in x, scales, forces, precision P.
 
     held: whether one of its points is fixed, because a constant is equivalent to another origin; P
     is then of differences.
@@ -61,7 +61,7 @@ class Known:
 
 
 def tempered(h: Hypothesis, phi: float) -> float:
-    """Return what a hypothesis costs where likelihoods are too sure by phi, in -2 ln.
+    """Return the cost of a hypothesis if likelihoods are overconfident by phi, in -2 ln.
 
     Misfit and information, and so ln det A of all its parameters, are divided by phi.
     """
@@ -92,7 +92,7 @@ def refined(
 
 
 def known(h: Hypothesis, phi: float = 1.0) -> Known:
-    """Return what a fitted hypothesis knows of the forces of its last effect.
+    """Return what a fitted hypothesis knows about the forces of its last effect.
 
     follows (others, forces): how far the other parameters' x move with a force. phi: the factor by
     which its likelihood is overconfident.
@@ -121,7 +121,7 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
 def precision_of(
     h: Hypothesis, which: NDArray[np.int64], scales: Floats, phi: float
 ) -> tuple[Floats, NDArray[np.int64], Floats]:
-    """Return the precision (numbers, numbers) of some parameters in their own units, all else free.
+    """Return the precision (numbers, numbers) of parameters in their own units, all else free.
 
     which: their indices in x, in units of their scales. Also the indices of the others, and how far
     each of these moves with each number, (others, numbers).
@@ -138,7 +138,7 @@ def precision_of(
 
 
 def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, float]:
-    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and what they cost.
+    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and their cost.
 
     basis (numbers, fewer), target (numbers,) known with a precision (numbers, numbers).
     """
@@ -155,14 +155,14 @@ def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, f
 
 @dataclass(frozen=True)
 class Shape:
-    """A table of fewer numbers: its law, and what it costs beside others of the same fit."""
+    """A table of fewer numbers: its law, and its cost compared with others of the same fit."""
 
     law: Physics
     cost: float
 
 
 def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
-    """Return the cheapest table that is not odd and the cheapest that is, where there are such.
+    """Return the cheapest table that is not odd and the cheapest odd one, if there are any.
 
     h: a fit whose last effect is a table of many points; seen (samples,): the states; phi: the
     factor by which its likelihood is overconfident.
@@ -179,7 +179,7 @@ def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
 
 
 def spared(h: Hypothesis, seen: Floats) -> float:
-    """Return by how much less a hypothesis would cost of the points that pay; as `shapes`."""
+    """Return how much less a hypothesis would cost with the points that pay; as `shapes`."""
     law = h.model.effects_at(h.x)[-1]
     states = np.array(points_of(law.values))[:, 0]
     now = _priced(law, known(h), states, states, is_odd(law)).cost
@@ -201,7 +201,7 @@ def _fewer(law: Physics, there: Known, states: Floats, begin: Floats, odd: bool)
 
 
 class _Priced(NamedTuple):
-    """A table of numbers g (numbers,) at states (points,), and what it costs."""
+    """A table of numbers g (numbers,) at states (points,), and its cost."""
 
     at: Floats
     g: Floats
@@ -209,7 +209,7 @@ class _Priced(NamedTuple):
 
 
 def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> _Priced:
-    """A table with points at some states, as near to what is known as it can be."""
+    """A table with points at some states, as near as possible to the known one."""
     columns = basis(law, at, odd, states[int(is_odd(law)) :])
     free = np.arange(columns.shape[1])
     if there.held and not odd:
@@ -222,7 +222,7 @@ def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -
 
 
 def one_way(h: Hypothesis, phi: float = 1.0) -> Hypothesis:
-    """Return a hypothesis with its last table made to rise or fall only, where that costs less."""
+    """Return a hypothesis whose last table only rises or only falls, if that costs less."""
     law, there = h.model.effects_at(h.x)[-1], known(h, phi)
     if law.values["period"] > 0.0 or there.held:
         return h
@@ -258,13 +258,13 @@ def _steps(count: int) -> Floats:
 
 
 def _ranges(there: Known, g: Floats, rows: Floats) -> Floats:
-    """Ranges of numbers rows @ g, at least what is not known of them."""
+    """Ranges of numbers rows @ g, at least their uncertainty."""
     spread = rows @ np.linalg.pinv(there.precision, hermitian=True) @ rows.T
     return SWEEP * np.maximum(np.abs(rows @ g), np.sqrt(np.maximum(np.diag(spread), 1e-300)))
 
 
 def _nearest_one_way(there: Known, way: float, first: float | None) -> Floats:
-    """The forces that only rise (way 1) or fall (-1) nearest to what is known."""
+    """The forces that only rise (way 1) or fall (-1) and are nearest to the known ones."""
     count = there.forces.size
     sums = np.tril(np.ones((count, count)))  # forces from steps
     root = np.linalg.cholesky(there.precision).T

@@ -36,7 +36,7 @@ QUARTER = 0.25  # of a turn over the range, by which a period's scale changes ho
 
 
 def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
-    """Return laws of one turn that are near the table that a fit has last, the nearest first.
+    """Return laws of one period near the last table of a fit, the nearest first.
 
     Each with the scale of its period. Empty for a table that is odd, or periodic already.
     """
@@ -66,7 +66,7 @@ def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
 
 
 def _sine(root: Floats, s: Floats, f: Floats, period: float) -> tuple[float, Floats]:
-    """How far the nearest sine of a period with a straight line is from a law, and its numbers."""
+    """Distance of a law from the nearest sine of a period plus a line, and its numbers."""
     angle = 2.0 * np.pi * s / period
     columns = root @ np.column_stack([np.ones_like(s), s, np.sin(angle), np.cos(angle)])
     numbers = np.asarray(np.linalg.lstsq(columns, root @ f, rcond=1e-12)[0], dtype=np.float64)

@@ -54,7 +54,7 @@ def scatter_in_like_states(h: Hypothesis, apart: Sequence[NDArray[np.bool_]]) ->
 
 
 def _sensitivity(h: Hypothesis) -> Floats:
-    """How much an error of what was read moves innovations, at each tick of all (samples, o)."""
+    """Sensitivity of the innovations to an error of the readings, at each tick (samples, o)."""
     random, device, observer = np.random.default_rng(SEED), h.model.acting(h.x), h.noise.observer
     found: list[Floats] = []
     for e in h.problem.experiments:

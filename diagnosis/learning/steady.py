@@ -30,7 +30,7 @@ SAME = 1e-9
 
 
 def along(law: Physics, curve: str, at: Floats) -> Floats | None:
-    """Return what a law gives at states (points,) of a curve, such as "free_damper".
+    """Return the force of a law at states (points,) of a curve, such as "free_damper".
 
     None if it enters elsewhere than such a curve does, or depends on more than that state.
     """
@@ -59,7 +59,7 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
 def _gives(
     law: Physics, state: str, value: float, aside: tuple[float, float, float], p: Floats
 ) -> float:
-    """A law at one state, the others aside."""
+    """A law at one state, ignoring the others."""
     q, v, u = (value if name == state else other for name, other in zip("qvu", aside, strict=True))
     code = law.effect.code
     match law.effect.hook:

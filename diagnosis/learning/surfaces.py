@@ -1,4 +1,4 @@
-"""A law of no name over two states at one place, learned: a surface, fitted like any effect.
+"""A learned law over two states at one place: a surface, fitted like any effect.
 
 If a law of one state leaves much unexplained, the missing force may depend on two: friction that
 varies with position, a motor whose torque falls with speed, a detent that grows with the command.
@@ -92,7 +92,7 @@ Hopeful = Callable[[Hypothesis], bool]
 
 @dataclass(frozen=True)
 class Begun:
-    """All forms of a surface, some rounds downhill; None where one is not to be had."""
+    """All forms of a surface after some rounds of a fit; None if one of them fails."""
 
     field: Field
     grid: Hypothesis
@@ -101,14 +101,14 @@ class Begun:
 
     @property
     def misfit(self) -> float:
-        """What the likeliest of them costs."""
+        """The cost of the likeliest of them."""
         known = (self.grid, self.product, self.shift)
         return min(h.cost.misfit for h in known if h is not None)
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface that was learned, with what it is beside the names.
+    """A learned surface, and its relation to the named effects.
 
     physics: a grid or a product. free (numbers,): the parameters that the recordings determine,
     with their covariance (numbers, numbers). seen (samples, 2): the states that were visited.
@@ -159,7 +159,7 @@ class Surface:
         return Z95 * np.sqrt(np.maximum(variance, 0.0))
 
     def of(self, names: Sequence[str]) -> Floats:
-        """Return the covariance of some parameters; nothing is known to err of what was held."""
+        """Return the covariance of some parameters; zero for fixed ones."""
         places = [self.free.index(name) if name in self.free else -1 for name in names]
         padded = np.pad(self.covariance, ((0, 1), (0, 1)))
         return padded[np.ix_(places, places)]
@@ -168,7 +168,7 @@ class Surface:
 def surfaces(
     found: Search, than: Sequence[Hypothesis], say: Say, hopeful: Hopeful
 ) -> Iterator[Iterator[Surface]]:
-    """Yield, of each place and pair of states, surfaces that are believed, the likeliest first.
+    """Yield, for each place and pair of states, surfaces that are believed, the likeliest first.
 
     They are sought over the named effects and other learned laws, one of each form, computed on
     demand. than: what a surface is compared with, the named effects and laws of one state. hopeful:
@@ -192,7 +192,7 @@ def surfaces(
 def _of_each_form(
     found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
-    """Yield a product, a shift and a grid that are believed, beside names or in the place of all.
+    """Yield a believed product, shift and grid, beside the names or in place of all.
 
     Named effects that were found without a law have imitated what they can of it, so that the law
     beside them may look different; the likelier of both is reported.
@@ -208,7 +208,7 @@ def _of_each_form(
 
 
 def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same law as the device file counts positions, and a shift from none where it rests.
+    """The same law with the device file's origin, and a shift that is zero at rest.
 
     As for laws of one state: over a position of the first mass on a spring, the law shifted to
     another origin d with a constant k d is equivalent, and the data do not decide. Limits: if
@@ -235,7 +235,7 @@ def _counts(over: tuple[str, str]) -> Floats:
 def _shaped(
     make: Callable[[Begun], Hypothesis | None], one: Begun, least: Hypothesis, hopeful: Hopeful
 ) -> Hypothesis | None:
-    """A form with the points that pay; None where free runs of all its points give no hope."""
+    """A form with the points that pay; None if free runs with all its points do not improve."""
     full = make(one)
     if full is None or not hopeful(full):
         return None
@@ -244,7 +244,7 @@ def _shaped(
 
 
 def _finer(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with a point between each two of one table, where these are believed.
+    """The same with a point between each two of one table, if these are believed.
 
     Of the table whose points determine their law least; a grid has all of its points.
     """
@@ -265,7 +265,7 @@ def _finer(h: Hypothesis, field: Field) -> Hypothesis:
 
 
 def _begun_everywhere(base: Hypothesis) -> list[Begun]:
-    """Small surfaces of nothing at every place and pair, some rounds downhill: the likeliest."""
+    """Small zero surfaces at every place and pair, after some rounds of a fit: the likeliest."""
     if base.slopes is None:
         return []
     grids: list[tuple[Field, Hypothesis]] = []
@@ -302,7 +302,7 @@ def _fields(base: Hypothesis) -> Iterator[Field]:
 
 
 def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict[str, list[Floats]]:
-    """What a law at a place may follow, in each recording (samples,), by name."""
+    """The states on which a law at a place may depend, in each recording (samples,), by name."""
     n = moved[0].shape[1] // 2
     i, j = place_at(at).ends
 
@@ -322,7 +322,7 @@ def _states_seen(h: Hypothesis, at: str, over: Sequence[str]) -> Floats:
 
 
 def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
-    """So many states of either, or as many as are met; None where one has no range."""
+    """Points of either state, at most as many as its values; None if one has no range."""
     first, second = (points_over(seen, count, False) for seen in field.states.T)
     return None if first is None or second is None else (first, second)
 
@@ -330,19 +330,19 @@ def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
 def _beside(
     base: Model, x: Floats, field: Field, law: Physics, only: Collection[str] = ()
 ) -> tuple[Model, Floats]:
-    """Return a model with a surface, and its x where it is as given; only: which may move."""
+    """Return a model with a surface, and its x for the given values; only: which may change."""
     scales = form_of(law).scales(field)
     scales = {name: scales[name] for name in scales if not only or name in only}
     return with_law(base, x, law, scales)
 
 
 def _exchanged(h: Hypothesis, field: Field, law: Physics) -> tuple[Model, Floats]:
-    """The model with another surface in the place of the one that it has last, and its x."""
+    """The model with another surface in place of its last one, and its x."""
     return _beside(*h.model.less(h.x, len(h.model.effects) - 1), field, law)
 
 
 def _in_its_place(h: Hypothesis, field: Field, law: Physics) -> Hypothesis | None:
-    """Another surface in the place of the one that a hypothesis has last, fitted."""
+    """Another surface in place of the last one of a hypothesis, fitted."""
     model, start = _exchanged(h, field, law)
     with suppress(NoObserver):
         return _finite(settled(judged(h.experiments, model, model.within(start), h.family)))
@@ -350,7 +350,7 @@ def _in_its_place(h: Hypothesis, field: Field, law: Physics) -> Hypothesis | Non
 
 
 def _finite(h: Hypothesis) -> Hypothesis | None:
-    """A hypothesis; None where the recordings do not tell all of its numbers."""
+    """A hypothesis; None if the recordings do not determine all of its numbers."""
     return h if np.isfinite(h.cost.total) else None
 
 
@@ -359,7 +359,7 @@ def _last(h: Hypothesis) -> Physics:
 
 
 def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
-    """A product of many points, some rounds downhill from a grid that was begun.
+    """A product of many points, after some rounds of a fit that starts at a grid.
 
     Of the grid less its plane, which belongs to a spring, a damper and a scale, or of it as it is.
     """
@@ -387,7 +387,7 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
-    """A shift of many points, some rounds downhill: either state by the other.
+    """A shift of many points, after some rounds of a fit: either state by the other.
 
     Along a straight line of its states, a + d b, a shift is a table of one state. One round of a
     fit from zero shows how likely each line is, under two observers; both tables start from the
@@ -403,7 +403,7 @@ def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
-    """The shift in proportion to the other state with which one round downhill gains most."""
+    """The shift proportional to the other state with which one round of a fit gains most."""
     problem, least, likeliest = under.problem, math.inf, None
     for line in _lines(field):
         model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
@@ -415,7 +415,7 @@ def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
 
 
 def _lines(field: Field) -> Iterator[Physics]:
-    """Yield shifts of nothing, in proportion to the other state."""
+    """Yield shifts of a zero law, proportional to the other state."""
     a, b = field.over
     for over in ((a, b), (b, a)):
         first, second = field.along(over)
@@ -431,17 +431,17 @@ def _lines(field: Field) -> Iterator[Physics]:
 
 
 def _as_shift(one: Begun) -> Hypothesis | None:
-    """A shift with as many points as one begins with, fitted."""
+    """A shift with the initial number of points, fitted."""
     return None if one.shift is None else _finite(settled(one.shift))
 
 
 def _as_product(one: Begun) -> Hypothesis | None:
-    """A product with as many points as one begins with, fitted."""
+    """A product with the initial number of points, fitted."""
     return None if one.product is None else _finite(settled(one.product))
 
 
 def _as_grid(one: Begun) -> Hypothesis | None:
-    """A grid with all the points that it has, fitted, from one of fewer that was begun."""
+    """A grid with all of its points, fitted from one of fewer."""
     h, field = one.grid, one.field
     few, axes = GridForm(_last(h)), _axes(field, SIZE)
     if axes is None:
@@ -452,7 +452,7 @@ def _as_grid(one: Begun) -> Hypothesis | None:
 
 
 def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with what a grid does not see laid smoothly between what it does, fitted again."""
+    """The same with the undetermined part of a grid interpolated, fitted again."""
     form = form_of(_last(h))
     if not isinstance(form, GridForm) or form.told(field).all():
         return h
@@ -462,7 +462,7 @@ def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
 
 @dataclass(frozen=True)
 class _Known:
-    """What a fit knows of the numbers of its surface: their names, values and precision."""
+    """What a fit knows about the numbers of its surface: their names, values and precision."""
 
     names: tuple[str, ...]
     numbers: Floats
@@ -470,7 +470,7 @@ class _Known:
 
 
 def _own(h: Hypothesis) -> list[tuple[int, str, float]]:
-    """Place in x, name and scale of each number of the surface that a hypothesis has last."""
+    """Index in x, name and scale of each number of the last surface of a hypothesis."""
     last = len(h.model.effects) - 1
     return [
         (j, p.key, p.scale)
@@ -488,7 +488,7 @@ def _known(h: Hypothesis, phi: float) -> _Known:
 
 @dataclass(frozen=True)
 class _Fewer:
-    """A law of some of the points of another along either state, and what it costs beside it."""
+    """A law of some of the points of another along either state, and its cost relative to it."""
 
     first: Places
     second: Places
@@ -497,7 +497,7 @@ class _Fewer:
 
 
 def _priced(there: _Known, form: Form, field: Field, first: Places, second: Places) -> _Fewer:
-    """A law of some points along either state, as near to what is known as it can be."""
+    """A law of some points along either state, as near as possible to the known one."""
     basis, offset, law = form.fewer(field, there.names, first, second)
     if basis.shape[1] == 0:
         return _Fewer(first, second, None, np.inf)
@@ -506,7 +506,7 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
 
 
 def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
-    """What a law of the points that pay along either state is, and what less it costs.
+    """The law with the points that pay along either state, and how much less it costs.
 
     Its ends stay, and so does the point of a number that is fixed.
     """
@@ -527,13 +527,13 @@ def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
 
 
 def _spared(h: Hypothesis, field: Field) -> float:
-    """What a law of the points that pay costs less, to second order; 0.0 where nothing is told."""
+    """How much less a law of the points that pay costs, to second order; 0.0 if undetermined."""
     _, spared = _cheapest(h, field, 1.0)
     return spared if math.isfinite(spared) else 0.0
 
 
 def _of_those_that_pay(h: Hypothesis, phi: float, field: Field) -> Hypothesis:
-    """The same law with the points that pay along either state, where that costs less."""
+    """The same law with the points that pay along either state, if that costs less."""
     cheapest, _ = _cheapest(h, field, phi)
     sizes = cheapest.first.size, cheapest.second.size
     if cheapest.law is None or sizes == form_of(_last(h)).sizes:

@@ -51,7 +51,7 @@ def follows(law: Physics, curve: str, place: Place) -> bool:
 def together(
     fitted: Fitted, curve: str, place: Place, states: Floats, bends: bool = False
 ) -> Together | None:
-    """Return what the laws of a fit that follow a curve's state at a place give at some states.
+    """Return the sum of the laws of a fit that follow a curve's state at a place, at some states.
 
     None if there is no such effect. states (points,): none of them zero, where friction has no
     value. bends: whether the band is that of the curvature alone, since a line and a constant are
@@ -86,7 +86,7 @@ def together(
 
 
 def _elsewhere(model: Model, curve: str, place: Place) -> list[int]:
-    """The places in x of what a line and a constant over a curve's state are as well."""
+    """The indices in x of parameters equivalent to a line and a constant over a curve's state."""
     link = place.kind == "link"
     kinds = {"free_damper": ("damper", "link"), "free_spring": ("k0", "spring")}
     kind = kinds[curve][int(link)] if curve in kinds else ""

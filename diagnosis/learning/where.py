@@ -49,7 +49,7 @@ def anywhere(effect: str, at: str) -> bool:
 
 @dataclass(frozen=True)
 class Site:
-    """Where a law may stand: effect and place, the states seen there (samples,), its period.
+    """A candidate for a law: effect and place, the states seen there (samples,), its period.
 
     scale: of the period as a parameter, 0 for a known one. makes: prior size of a point of its
     table. floats: whether another origin of positions is equivalent to a constant in the table, of
@@ -68,7 +68,7 @@ class Site:
 def sites(
     base: Hypothesis, most: int, asked: Callable[[str, str], bool] = anywhere
 ) -> list[tuple[Site, Hypothesis]]:
-    """Return where a law would gain most, so many, and each begun there, the likeliest first.
+    """Return where a law would gain most, with its start, the likeliest first.
 
     asked: whether a law (effect, place) is wanted.
     """
@@ -84,7 +84,7 @@ def sites(
 
 
 def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hypothesis | None:
-    """Return a model with a law, some rounds downhill under two observers: the likelier end.
+    """Return a model with a law after some rounds with two observers: the likelier result.
 
     None if no observer follows the recordings of the base.
     """
@@ -135,7 +135,7 @@ def held(count: int) -> int:
 
 
 def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
-    """Return the states (samples,) that a law would follow, as the model predicts them."""
+    """Return the states (samples,) that a law would depend on, as the model predicts them."""
     return np.concatenate(_states_in(base, moved, effect, at))
 
 
@@ -150,13 +150,13 @@ def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) 
 
 
 def comes_back(each: Sequence[Floats]) -> bool:
-    """Whether the states of recordings are met again, and do not only tell time."""
+    """Whether the states of recordings are visited again, and do not only tell time."""
     way = sum(float(np.abs(np.diff(states)).sum()) for states in each)
     return way > LAWS.comes_back * float(np.ptp(np.concatenate(each)))
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
-    """Return a law of so many points at most, all nothing; None where an odd one has no sense."""
+    """Return a zero law of at most so many points; None if an odd one makes no sense."""
     at = points_over(site.states, count, odd, site.period)
     if at is None:
         return None
@@ -164,7 +164,7 @@ def law_over(site: Site, count: int, odd: bool) -> Physics | None:
 
 
 def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
-    """Return a model with a law, and its x where the law is as it is given."""
+    """Return a model with a law, and its x for the given law."""
     count = len(points_of(law.values))
     free = FORCE[int(is_odd(law)) : count]
     scales = dict.fromkeys(free, site.makes)
@@ -187,14 +187,14 @@ def with_law(
     scales: Mapping[str, float],
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Model, Floats]:
-    """Return a model with a law of which some numbers are free, and x where they are as given."""
+    """Return a model with a law of which some numbers are free, and x for the given values."""
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
     return base.with_effect(law, scales, bounds or {}), start
 
 
 def _every(base: Hypothesis) -> list[Site]:
-    """All places and states that a law of one state may follow, that no law follows yet."""
+    """All places and states on which a law of one state may depend, and none does yet."""
     chain = base.model.build(base.x).chain
     asked = [(effect, str(place)) for place in masses_and_links(chain.masses.size)
              for effect in ("free_spring", "free_damper")]  # fmt: skip
