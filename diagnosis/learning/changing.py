@@ -108,7 +108,7 @@ class Suspect:
 
 
 class Followed(NamedTuple):
-    """A quantity that a parameter follows: at `origin`, its value at the end, it is as at last."""
+    """A quantity that a parameter follows; `origin`: its value at the end of the recording."""
 
     name: str
     unit: str

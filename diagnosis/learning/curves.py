@@ -121,7 +121,7 @@ class Learned:
         return self.period == 0.0 and bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
 
     def named_at(self, states: Floats) -> Floats:
-        """Return what the names that follow its state at its place give at states (points,)."""
+        """Return the sum of the named effects that follow its state at its place (points,)."""
         h = self.hypothesis
         given = [
             along(p, self.physics.effect.name, states)

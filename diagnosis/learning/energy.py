@@ -50,7 +50,7 @@ def _fed(curve: Learned, rotary: bool) -> str:
 
 
 def powers(curve: Learned, v: Floats) -> Floats:
-    """Return what a law, its place's damper and the names beside it feed in at velocities (n,)."""
+    """Return the power of a law, its damper and the effects beside it at velocities (n,)."""
     h, place = curve.hypothesis, curve.physics.place
     chain = h.model.build(h.x).chain
     dampers = chain.link_dampers if place.kind == "link" else chain.ground_dampers

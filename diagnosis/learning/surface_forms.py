@@ -169,7 +169,7 @@ def tables_of(over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats)
 
 
 def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
-    """Return of which points of a grid (rows, columns) samples say something: enough are nearest.
+    """Return which points of a grid (rows, columns) are determined: nearest to enough samples.
 
     states (samples, 2).
     """
@@ -429,7 +429,7 @@ class ShiftForm(TablesForm):
     """A force over one state, which the other shifts along it."""
 
     def centred(self, field: Field) -> Physics:
-        """Return the same law with no shift where the other state is nothing, or in its middle."""
+        """Return an equivalent law without shift at zero of the other state, or in its middle."""
         _, second = field.along(self.tables.over)
         rest = 0.0 if second.min() < 0.0 < second.max() else float(np.median(second))
         none = float(table_at(self.tables.second, rest))
@@ -474,7 +474,7 @@ class ShiftForm(TablesForm):
         return np.concatenate([counts_at(self.states, along), rise[..., None] * b], axis=-1)
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the numbers that a fit may move: all but one shift, and one force if it floats."""
+        """Return the numbers that a fit may change: all but one shift, and one force if free."""
         along = OF_A_RANGE * float(np.ptp(field.along(self.tables.over)[0]))
         found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
         found |= dict.fromkeys(LAW_SECOND[: self.beside.size], along)

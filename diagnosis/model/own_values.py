@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 
 def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying, ...]:
-    """Return what is not the same in all of these recordings because they say so."""
+    """Return the parameters that differ between these recordings because they declare it."""
     targets = dict.fromkeys(target for e in experiments for target, _ in e.own)
     found: list[Varying] = []
     for target in targets:
@@ -45,7 +45,7 @@ def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying,
 
 
 def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
-    """Return the x that a fit of recordings begins with: all zero, but for open zeros of sensors.
+    """Return the start x of a fit of recordings: zero, except for free zeros of sensors.
 
     Over a recording of length t, the forces that move m2 deflect the link by
 
@@ -76,7 +76,7 @@ def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
 
 
 def refuse_unknown_words(fit_on: Sequence[Experiment], judge_by: Sequence[Experiment]) -> None:
-    """Raise ExperimentError where a recording to judge by has a value that none fitted has."""
+    """Raise ExperimentError if a validation recording has a value that no fitted one has."""
     known = {own for e in fit_on for own in e.own}
     for e in judge_by:
         for target, word in e.own:

@@ -1,4 +1,4 @@
-"""Where an observer begins: the state at the first sample of a recording.
+"""The initial state of an observer at the first sample of a recording.
 
 An observer that trusts its model forgets a wrong initial state slowly, and the innovations until
 then look like physics. They are nearly linear in the initial state: e = e_0 + C x_0. x_0 is found
@@ -73,7 +73,7 @@ def _population(device: Device, count: int) -> Population:
 
 
 class Beginnings:
-    """Where observers of several gains begin to follow with one device."""
+    """Initial states of observers of several gains for one device."""
 
     def __init__(self, device: Device, gains: Sequence[Gain]) -> None:
         self.device, self.gains, self.dof = device, gains, device.chain.masses.size
@@ -84,11 +84,11 @@ class Beginnings:
         self.units = _population(self.smooth, states * count)
 
     def followed(self, experiment: Experiment, starts: Floats) -> Floats:
-        """Return innovations (gains, ticks, o) from a beginning (2n) each."""
+        """Return innovations (gains, ticks, o) from an initial state (2n) each."""
         return innovations_each(self.own, experiment, self.device, starts, self.gains)
 
     def of(self, experiment: Experiment) -> Floats:
-        """Return beginnings (gains, 2n): what is added to positions and velocities at first."""
+        """Return initial states (gains, 2n): what is added to positions and velocities at first."""
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
         begins = np.zeros((len(self.gains), 2 * self.dof))
         errors = self.followed(first, begins)
@@ -128,7 +128,7 @@ class Beginnings:
     def _step(
         self, begins: Floats, errors: Floats, slopes: Floats, units: Floats, scale: Floats
     ) -> Floats:
-        """A step of Gauss and Newton; none where something is not finite."""
+        """A step of Gauss and Newton; none if something is not finite."""
         found = begins.copy()
         with np.errstate(all="ignore"):
             left = (errors / scale[:, None]).reshape(errors.shape[0], -1)
@@ -140,7 +140,7 @@ class Beginnings:
 
 
 def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
-    """Return the recording with the state that the observer should begin with."""
+    """Return the recording with the initial state of the observer."""
     if experiment.before is not None:
         return replace(experiment, before=begun(device, experiment.before, observer))
     (linear,) = Beginnings(experiment.on(device), [observer.gain]).of(experiment)
@@ -148,19 +148,19 @@ def begun(device: Device, experiment: Experiment, observer: Observer) -> Experim
 
 
 def begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """Return a recording that begins as the same one does elsewhere: no second search for it."""
+    """Return a recording with the initial state of the same one elsewhere, without a search."""
     if e.before is None or other.before is None:
         return replace(e, start=other.start)
     return replace(e, before=begun_as(e.before, other.before))
 
 
 def with_play(physics: Iterable[Physics]) -> bool:
-    """Whether there is play among it, or what else keeps a fit in the valley where it began."""
+    """Whether its fits end in the valley where they begin, as with play."""
     return any(q.valleys for p in physics for q in p.effect.parameters)
 
 
 def smooth(device: Device) -> Device:
-    """Return the device whose differences say how its innovations turn on its beginning.
+    """Return the device whose differences show how innovations depend on the initial state.
 
     Without nonsmooth physics, since differences over a crease are misleading. Under dry friction
     that holds a mass no speed shows, and least squares would start with a huge one.
@@ -172,7 +172,7 @@ def smooth(device: Device) -> Device:
 def by_own_slopes(
     device: Device, experiment: Experiment, observer: Observer, linear: Floats
 ) -> Floats:
-    """Return the state (2n,) that a device with play begins with, or `linear` where none is better.
+    """Return the initial state (2n,) of a device with play, or `linear` if none is better.
 
     linear: the start of one step of Gauss and Newton, which devices without play use.
     """
@@ -211,7 +211,7 @@ def _least(weighed: Callable[[Floats], Floats], begins: Floats) -> Floats:
 
 
 def _aside(device: Device, begin: Floats, usual: float) -> Floats:
-    """What lies behind each link with play across it, as fast as what is before it and otherwise.
+    """The part behind each link with play: on its other side, with the speed before it or not.
 
     begin (2n,): added to the same position and velocity of all masses; usual: a typical speed.
     """
@@ -229,7 +229,7 @@ def _aside(device: Device, begin: Floats, usual: float) -> Floats:
 
 
 def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) -> Floats:
-    """Gauss and Newton's answer, its slopes over a unit to both sides: wide beside a crease."""
+    """Result of Gauss and Newton's steps, with wide two-sided slopes because of creases."""
     sides = np.concatenate([np.eye(begin.size), -np.eye(begin.size)])
 
     def own(u: Floats) -> Floats:
@@ -247,7 +247,7 @@ def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) 
 
 
 def _units(experiment: Experiment, observer: Observer, masses: int) -> Floats:
-    """A deviation of what is measured, as positions and as velocities that reach it in a tick."""
+    """Noise of the measurement as positions, and as velocities that reach it in a tick."""
     return np.repeat([1.0, 1.0 / experiment.period], masses) * float(observer.deviation[0])
 
 
@@ -258,7 +258,7 @@ def innovations_each(
     starts: Floats,
     gains: Sequence[Gain],
 ) -> Floats:
-    """Return innovations (members, ticks, o) from a beginning (2n) and under a gain each.
+    """Return innovations (members, ticks, o) from an initial state (2n) and with a gain each.
 
     Infinite from an overflow on. population: one copy of the device for each member.
     """

@@ -1,4 +1,4 @@
-"""Gains of an observer over samples that were lost, and after them.
+"""Gains of an observer during and after gaps of a recording.
 
 A sample that was not measured corrects nothing, so the uncertainty of the state continues to grow,
 and the first samples after a gap correct it by more:
@@ -36,7 +36,7 @@ MOST = 1000
 
 @dataclass(frozen=True, eq=False)
 class Returning:
-    """A steady gain (states, o), or (states, 2 o) with play, and what it follows from."""
+    """A steady gain (states, o), or (states, 2 o) with play, and the model behind it."""
 
     steady: Floats
     spread: Spread
@@ -48,7 +48,7 @@ Gain = Floats | Returning
 def returning(
     device: Device, experiments: Sequence[Experiment], ratio: float, gain: Floats
 ) -> Gain:
-    """Return a steady gain as one that knows gaps where recordings have some; else as it is.
+    """Return a steady gain as one that accounts for gaps, if recordings have some.
 
     device, ratio: of the steady gain. Raises NoObserver like `steady.spread`.
     """

@@ -1,4 +1,4 @@
-"""Innovations of a device on an experiment, under a fixed observer; and its free run.
+"""Innovations of a device on an experiment, with a fixed observer; and its free run.
 
 The gain comes from a noise model of two numbers, the process force at m1 per tick and the noise of
 the measurement, on the linear part of the device (`noise.steady`). Only their ratio matters for the
@@ -40,7 +40,7 @@ SHORTEST_WINDOW = 50  # ticks of a free run
 
 @dataclass(frozen=True)
 class Observer:
-    """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
+    """Gain (states, o), and the standard deviations (o,) of its innovations.
 
     For recordings with gaps, a gain that accounts for them (`noise.gaps`).
 
@@ -73,7 +73,7 @@ class Observer:
         return white
 
     def cost(self, white: Floats) -> float:
-        """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
+        """Return -2 log likelihood of weighted innovations (samples,), up to a constant.
 
         Minimised over the covariance of the rest: n (ln det S_0 + ln det S), where `weigh` divides
         by S_0 and S is the covariance of its result; all of it counts `counts` times. n is the
@@ -83,7 +83,7 @@ class Observer:
         return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
 
     def cost_of(self, moments: Floats, rows: int) -> Floats:
-        """Return the same of sums of w w' over so many rows (members, o, o), w weighed."""
+        """Return the same from sums of w w' over so many rows (members, o, o), w weighted."""
         if self.whitening is None:
             divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
@@ -92,7 +92,7 @@ class Observer:
         return self.counts * known * (divided + np.linalg.slogdet(moments / known)[1])
 
     def filters(self) -> Floats:
-        """Return what `weigh` does as filters (o, o, taps)."""
+        """Return the operation of `weigh` as filters (o, o, taps)."""
         if self.whitening is not None:
             return self.whitening
         return np.diag(1.0 / self.deviation)[:, :, None]
@@ -191,14 +191,14 @@ SCREENING, SEARCHING, FINAL = Fineness(2, 2), Fineness(4, 4), Fineness(8, 8)
 
 
 class Prepared(NamedTuple):
-    """A device ready to predict: in few substeps a tick, and in many."""
+    """A device prepared for prediction: with few substeps per tick, and with many."""
 
     coarse: Equations
     fine: Equations
 
 
 def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
-    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
+    """Prepare a device. A reversal inside a substep makes friction wrong for its rest.
 
     Raises NoObserver if it needs more substeps per tick than `MOST_SUBSTEPS` (`enough`).
     """
@@ -210,7 +210,7 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
 def prepared_each(
     device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL
 ) -> list[Prepared]:
-    """Return the device as it was in each recording, prepared; once for those that say nothing."""
+    """Return the device as it was in each recording, prepared; once for those without changes."""
     plain = prepared(device, fineness)
     return [plain if e.changes is None else prepared(e.on(device), fineness) for e in experiments]
 
@@ -259,7 +259,7 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
 def memory_at(
     ready: Prepared, experiment: Experiment, device: Device, gain: Gain
 ) -> tuple[Memory, Floats | Gains]:
-    """Return the memory with which an observer begins a recording, and its gain as padded.
+    """Return the memory with which an observer begins a recording, and its padded gain.
 
     For the rest of a recording, this is how the part before it ends.
     """
@@ -360,7 +360,7 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
 
 
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:
-    """Return what a device gives (ticks, o) under a command, its innovations e given (ticks, o).
+    """Return the outputs (ticks, o) of a device for a command and given innovations e (ticks, o).
 
     In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
     begins the experiment. An output of a place that stays zero has its measurement as innovation;
@@ -384,7 +384,7 @@ def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -
 
 
 def _beside(gain: Floats | Gains, outputs: int, more: int) -> Floats | Gains:
-    """Gains with outputs that correct nothing after those of each."""
+    """Gains with outputs that correct nothing, after those of each."""
     of, columns = gain if isinstance(gain, Gains) else (gain, None)
     parts = of.reshape(of.shape[0], -1, outputs)
     wide = np.pad(parts, ((0, 0), (0, 0), (0, more))).reshape(of.shape[0], -1)
@@ -418,7 +418,7 @@ def padded(
 
 
 def copied(memory: Memory) -> Memory:
-    """Return a memory of its own, to go on from here twice."""
+    """Return a copy of a memory, to continue from it twice."""
     m = memory
     return Memory(
         m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
@@ -427,7 +427,7 @@ def copied(memory: Memory) -> Memory:
 
 
 def window(experiment: Experiment) -> int:
-    """Return the ticks of a free run: half a second, or a third of a recording that is shorter.
+    """Return the ticks of a free run: half a second, or a third of a shorter recording.
 
     At least `SHORTEST_WINDOW`, and never more than there are.
     """
@@ -436,7 +436,7 @@ def window(experiment: Experiment) -> int:
 
 
 def settling(experiment: Experiment) -> int:
-    """Return the ticks until the observer has found the state: none where it goes on from before.
+    """Return the ticks until the observer has settled: none if it continues from before.
 
     The part before the rest of a recording is simulated first (`memory_at`).
     """
@@ -492,7 +492,7 @@ def free_run_errors(
 
 
 class FreeRuns(NamedTuple):
-    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they foretell."""
+    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they predict."""
 
     errors: Floats
     motion: Floats

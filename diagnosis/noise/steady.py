@@ -65,7 +65,7 @@ UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is r
 
 
 class NoObserver(ArithmeticError):
-    """No observer exists for a model, or the model runs away under it: an answer, and no mistake.
+    """No observer exists for a model, or the model runs away under it: a result, not a mistake.
 
     A search leaves such a model out. This is no ValueError, so that it is not confused with a
     programming error, which often raises one.
@@ -83,7 +83,7 @@ class Steady(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What an observer does not know of the state, and what it follows from.
+    """The covariance of an observer's state, and the matrices behind it.
 
     P (states, states) before a sample, motion A over a tick, c (o, states), process noise Q and
     measurement noise R; for several observers all but R have members as first axis.
@@ -150,7 +150,7 @@ def steady_gains(
 
 
 def spread(device: Device, experiment: Experiment, ratio: float) -> Spread:
-    """Return what the steady observer of `steady_gains` does not know of the state of a device.
+    """Return the covariance of the state in `steady_gains` of a device.
 
     If the position of the device is not observed, P is that for a known position of m1, which no
     gain depends on. Raises NoObserver if there is none.
@@ -189,7 +189,7 @@ def links_with_play(device: Device) -> tuple[int, ...]:
 def with_apart(
     device: Device, links: Sequence[int], experiment: Experiment, gains: Floats
 ) -> Floats:
-    """Return gains (..., states, o) with those beside them while links carry nothing (..., 2 o)."""
+    """Return gains (..., states, o) with those for links that carry nothing (..., 2 o)."""
     chain = device.chain
     springs, dampers = chain.link_springs.copy(), chain.link_dampers.copy()
     springs[list(links)] = dampers[list(links)] = 0.0
@@ -211,7 +211,7 @@ def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Fl
 
 
 def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
-    """Return P (members, n, n), NaN where it does not settle.
+    """Return P (members, n, n), NaN if it does not converge.
 
     States are scaled by their uncertainty, so that the inverse is of a matrix near 1 whatever the
     units.
@@ -255,7 +255,7 @@ def noise_scale(experiment: Experiment) -> Floats:
 
 
 def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
-    """What the outputs are of the state, (o, size); a position that is read late, of its speed too.
+    """The outputs as functions of the state, (o, size); a late position depends on its speed too.
 
     An observer without this would correct too much; one of large gain diverges.
     """
@@ -272,7 +272,7 @@ def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
 
 
 def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
-    """Whether an observer of that gain (states, o) forgets how it began: (1 - L c) A shrinks.
+    """Whether an observer of that gain (states, o) forgets its start: (1 - L c) A shrinks.
 
     An unobserved position need not converge.
     """
@@ -286,7 +286,7 @@ def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
 
 
 def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
-    """Whether neither an output nor a spring to ground says where the device stands."""
+    """Whether neither an output nor a spring to ground shows the position of the device."""
     stiffness = plant.matrices.stiffness
     ties = np.abs(stiffness.sum(axis=1))
     free = bool(np.all(ties <= UNTIED * np.abs(np.diag(stiffness))))
@@ -296,7 +296,7 @@ def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
 def _of_motion(
     plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats
 ) -> tuple[Steady, Spread]:
-    """The observer of a device that stands unseen, as the module says; all in its own states."""
+    """The observer of a device whose position is not observed, as the module says."""
     others = np.eye(plant.size)[1:]
     others[: plant.dof - 1, 0] = -1.0  # z = others x
     back = np.zeros((plant.size, plant.size - 1))

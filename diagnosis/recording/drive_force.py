@@ -49,7 +49,7 @@ class Pushed:
 
 
 def drive_stiffness(device: Device, changes: Changes | None) -> float:
-    """Return K [N/m | N m/rad] of the drive of a run; 0 where there is none that tells a position.
+    """Return K [N/m | N m/rad] of the drive of a run; 0 if none shows a position.
 
     A drive with damping is excluded, since its force is not that of a spring alone.
     """

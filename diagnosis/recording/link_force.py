@@ -21,7 +21,7 @@ LINK_FORCE = re.compile(r"force_(link([1-4])([2-5]))$")
 
 
 def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple[str, ...]]:
-    """Return a trace with the deflections that forces of links tell, and what to say of them.
+    """Return a trace with the deflections from forces of links, and notes of them.
 
     A force of a link that the device does not have is left as it is, and so is one beside a
     measured deflection.

@@ -12,7 +12,7 @@ ON = 0.5
 
 
 def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return the strength (ticks,) of the drive, None where nothing says it, and what to say of it.
+    """Return the strength (ticks,) of the drive, None if it is not recorded, and a note.
 
     The supply over its nominal voltage, and zero while the drive was off. Raises ValueError if it
     was never on, if a supply is not positive, or if a loop on the position has no limit through

@@ -15,7 +15,7 @@ from zwidth.sim.place import Place, place_at
 
 @dataclass(frozen=True)
 class Start:
-    """One effect at one place with starting values, and the scales of its free parameters.
+    """One effect at one place with start values, and the scales of its free parameters.
 
     bounds: the physical ones for this recording; for numbers not named, those of the effect. own:
     numbers of it that recordings have of their own (`model.own_values`), by their name: which
@@ -38,7 +38,7 @@ class Start:
         return place_label(self.physics)
 
     def scaled(self, factor: float) -> "Start | None":
-        """Return the start with the effect a factor as strong, None where that has no meaning."""
+        """Return the start with a multiple of its strength, None if that has no meaning."""
         effect = self.physics.effect
         names = effect.magnitudes
         if not names:
@@ -53,7 +53,7 @@ class Start:
         return replace(self, physics=replace(self.physics, values=values), scales=scales)
 
     def as_strong_as(self, other: Physics) -> "Start | None":
-        """Return the start with the strength of another effect; None where theirs do not compare.
+        """Return the start with the strength of another effect; None if they do not compare.
 
         The fit of a law that contains another, or is contained in it, starts best where the other
         ended. Of one with several strengths (friction that differs by direction) the largest
@@ -74,7 +74,7 @@ class Start:
 
 
 def candidates(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> list[Start]:
-    """Return all starts for a device and its recordings; gain: as `sizes_of` takes it."""
+    """Return all starts for a device and its recordings; gain: as in `sizes_of`."""
     sizes = sizes_of(device, experiments, gain)
     masses = device.chain.masses.size + len(device.hosts())
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}

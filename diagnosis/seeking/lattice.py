@@ -54,7 +54,7 @@ SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 @dataclass(frozen=True)
 class Stepped:
-    """A trial of one of these effects. gained: chi-square; price: what the search cost of it."""
+    """A trial of one of these effects. gained: chi-square; price: penalty for its search."""
 
     label: str
     problem: Problem
@@ -66,7 +66,7 @@ class Stepped:
 def stepped_trials(
     problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
 ) -> list[Stepped]:
-    """Return the trials of steps and lost commands on top of a fitted model."""
+    """Return the trials of steps and lost commands beside a fitted model."""
     tries = {
         "command_step@command": partial(command_step, problem, fitted),
         "encoder_step@sensor": partial(encoder_step, problem, fitted, experiments),
@@ -136,7 +136,7 @@ def encoder_step(
 
 
 class _Moved:
-    """Chi-square after a refit to first order, for innovations that have moved."""
+    """Chi-square after a refit to first order, for changed innovations."""
 
     def __init__(self, fitted: Fitted) -> None:
         self.off, self.fitted = Complement(fitted.jacobian), fitted
@@ -172,7 +172,7 @@ class _StepLoss:
         self.model, self.experiments, self.positions = model, experiments, positions
 
     def in_steps(self, step: float, share: float) -> list[Experiment]:
-        """Return recordings that know what steps add; share: the spread over the step."""
+        """Return recordings that contain the error of steps; share: the spread over the step."""
         return [
             replace(e, sensor_error=mean_error(q, step, share))
             for e, q in zip(self.experiments, self.positions, strict=True)
@@ -189,7 +189,7 @@ class _StepLoss:
 
 
 def mean_error(position: Floats, step: float, share: float) -> Floats:
-    """Return what steps add at positions known within a normal spread of share x step."""
+    """Return the mean effect of steps at positions known within a spread of share x step."""
     if share == 0.0:
         return step * np.round(position / step) - position
     total = np.zeros_like(position)
@@ -279,7 +279,7 @@ def dropped_samples(
 
 
 def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
-    """Return a fit whose lost commands have the rate that they have under its own noise.
+    """Return a fit whose lost commands have the rate for its own noise.
 
     Losses found earlier were seen with the noise of a model that lacked more.
     """
@@ -297,7 +297,7 @@ def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
-    """Return which commands (ticks,) of each recording were lost, at the rate that a model knows.
+    """Return which commands (ticks,) of each recording were lost, at the rate of a model.
 
     A fit of one recording says nothing about another: which commands were lost is a fact of each.
     """
@@ -313,7 +313,7 @@ def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
 
 
 def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
-    """Return how many commands' loss would be seen in the recordings: the sum of the odds."""
+    """Return how many lost commands would show in the recordings: a sum of probabilities."""
     return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)
 
 
@@ -325,7 +325,7 @@ def _echo(problem: Problem, fitted: Fitted) -> Floats:
 
 
 def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> float:
-    """Sum of the odds that a lost command exceeds what `_pursue` asks of it."""
+    """Sum of the probabilities that a lost command exceeds the threshold of `_pursue`."""
     least = DELIVERED - float(np.log(rate / (1.0 - rate)))
     seen = 0.0
     for e in experiments:
@@ -336,7 +336,7 @@ def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> f
 
 
 def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:
-    """Mark lost commands in `lost`, the likeliest first, each with its echo taken off g.
+    """Mark lost commands in `lost`, the likeliest first; the effect of each is subtracted from g.
 
     Neighbours of a lost command look lost as well, until its effect is subtracted.
     """

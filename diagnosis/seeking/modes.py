@@ -1,4 +1,4 @@
-"""Starts for a further mass on a spring: at the frequencies that the residual itself shows.
+"""Starts for a further mass on a spring, at the frequencies that the residual shows.
 
 A mass m on a spring and damper pulls its host with F = -m H(s) a, where a is the host's
 acceleration and

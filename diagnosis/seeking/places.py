@@ -14,7 +14,7 @@ ELSEWHERE = ("lattice", "folding")  # ways of seeking that no prediction of a st
 
 
 def open_places(device: Device) -> list[tuple[Effect, Place]]:
-    """Return effects and places that a device has not yet.
+    """Return effects and places that a device does not have yet.
 
     A place has at most one of a family (laws of the same thing). Effects in the device file are not
     sought.
@@ -40,7 +40,7 @@ def open_places(device: Device) -> list[tuple[Effect, Place]]:
 def starts_at(
     effects: Sequence[tuple[Effect, Place]], sizes: Sizes, far: bool
 ) -> dict[str, list[Start]]:
-    """Return starts by label; far: over all plausible magnitudes, else about the limit."""
+    """Return starts by label; far: over all plausible magnitudes, else near the limit."""
     found: dict[str, list[Start]] = {}
     for effect, place in effects:
         if not sizes.driven and effect.of_command:

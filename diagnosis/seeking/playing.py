@@ -50,7 +50,7 @@ BEYOND = 2.0  # times, that gaps go beyond the starts at both ends
 
 
 class Played(NamedTuple):
-    """A model with play at x, what it gains over the model without, and under which observer."""
+    """A model with play at x, its gain over the model without, and the observer used."""
 
     model: Model
     x: Floats
@@ -61,7 +61,7 @@ class Played(NamedTuple):
 def scanned(
     experiments: Sequence[Experiment], model: Model, x: Floats, starts: Sequence[Start]
 ) -> list[Played]:
-    """Return the likeliest gap by each observer that shows one, the one that gains most first.
+    """Return the likeliest gap for each observer that shows one, the largest gain first.
 
     experiments: as far as is looked at; starts: of one effect with one number, at one place. The
     gain of a gap is its cost below that without play at the better point x, and at least
@@ -93,7 +93,7 @@ def scanned(
 def arrivals(
     experiments: Sequence[Experiment], shown: Sequence[Played], members: int, generations: int
 ) -> Iterator[tuple[Model, Arrived]]:
-    """Yield where populations arrive from what a scan shows, each under the observer that does.
+    """Yield the results of populations that start from a scan, each with its observer.
 
     experiments: the part used for populations; members, generations: of a population that starts
     near. From farther away it has twice as many members for half as many generations: 16 members
@@ -118,7 +118,7 @@ def _places(model: Model, x: Floats) -> Iterator[Floats]:
 
 
 class _Tried(NamedTuple):
-    """The likeliest gap at one place in x, what it costs, and what no play costs there."""
+    """The likeliest gap at one point x, its cost, and the cost without play there."""
 
     model: Model
     x: Floats

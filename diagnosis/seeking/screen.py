@@ -30,7 +30,7 @@ HOPEFUL = 0.02  # the same as a share of the best start's
 
 @dataclass(frozen=True)
 class Screened:
-    """A start with its score, its signature off the refit's span, and what absorbs the rest.
+    """A start with its score, its signature orthogonal to the refit, and the refit's share.
 
     shift: of the refit's x, to first order.
     """
@@ -42,7 +42,7 @@ class Screened:
 
 
 class Complement:
-    """Projection off the span of a Jacobian."""
+    """Projection orthogonal to the span of a Jacobian."""
 
     def __init__(self, jacobian: Floats) -> None:
         left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
@@ -99,7 +99,7 @@ def screen(
 
 
 def second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
-    """Return starts at the strength or phase that would fit best were signatures linear in it.
+    """Return starts at the strength or phase of best fit, if signatures were linear in it.
 
     least: chi-square that they must gain to first order.
     """

@@ -39,7 +39,7 @@ WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth 
 
 @dataclass(frozen=True)
 class View:
-    """A model at x under one observer, with residual and slopes. own: under its likeliest noise."""
+    """A model at x with one observer, with residual and slopes. own: with its likeliest noise."""
 
     problem: Problem
     model: Model
@@ -50,12 +50,12 @@ class View:
 
     @property
     def samples(self) -> int:
-        """Number of weighed innovations in the residual."""
+        """Number of weighted innovations in the residual."""
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
     @property
     def fitted(self) -> Fitted:
-        """The same, as what reads a residual takes it."""
+        """The same, in the form that functions of a residual take."""
         chi2 = float(self.residual @ self.residual)
         return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
 
@@ -124,7 +124,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
 
 
 def shown_starts(seen: View) -> list[Start]:
-    """Return starts that the residual itself shows: periods over position, resonances."""
+    """Return starts that the residual shows: periods over position, resonances."""
     found: list[Start] = []
     with isolated("candidates", "what repeats over position"):
         found += wave_starts(seen.problem, seen.fitted)

@@ -49,7 +49,7 @@ ALPHA = EVIDENCE.alpha
 
 @dataclass(frozen=True)
 class Cost:
-    """The lines of the equation above, each in -2 ln: what a hypothesis costs, and for what."""
+    """The lines of the equation above, each in -2 ln: the cost of a hypothesis by its parts."""
 
     misfit: float
     freedom: float = 0.0
@@ -63,7 +63,7 @@ class Cost:
 
 
 def freedom(information: Floats, ranges: Sequence[float]) -> float:
-    """Return what free parameters cost.
+    """Return the penalty of free parameters.
 
     information (p, p): A; ranges: of the parameters uniform over them, in the units of A. Infinite
     if A does not determine a parameter. Raises ValueError for ranges that are not finite and above
@@ -77,7 +77,7 @@ def freedom(information: Floats, ranges: Sequence[float]) -> float:
 
 
 def rarity(odds: Sequence[float]) -> float:
-    """Return what effects cost that a device has with these probabilities, above 0 and below 1."""
+    """Return the penalty of effects with these prior probabilities, above 0 and below 1."""
     if any(not 0.0 < p < 1.0 for p in odds):
         raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
     return -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
@@ -90,7 +90,7 @@ def believed(new: Cost, old: Cost, phi: float = 1.0) -> bool:
 
 @dataclass(frozen=True)
 class Compared:
-    """What one hypothesis gains over another: -2 ln likelihood summed, its overdispersion."""
+    """The gain of one hypothesis over another: -2 ln likelihood summed, its overdispersion."""
 
     gain: float
     phi: float
@@ -102,7 +102,7 @@ class Compared:
 
 
 def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Compared:
-    """Compare two hypotheses by what one gains over the other in each block (blocks,).
+    """Compare two hypotheses by the gain of one over the other in each block (blocks,).
 
     foretold: squared differences of their predictions, in each block; None for equal ones. lags:
     neighbours whose scatter counts together, with falling weight. Blocks of several recordings are
@@ -124,7 +124,7 @@ def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Co
 
 
 def probabilities(costs: Sequence[float], phi: float = 1.0) -> Floats:
-    """Return the share of each hypothesis kept, (hypotheses,), summing to 1."""
+    """Return the relative weight of each hypothesis, (hypotheses,), summing to 1."""
     least = np.asarray(costs, dtype=np.float64)
     shares = np.exp(-0.5 * (least - least.min()) / phi)
     return shares / shares.sum()

@@ -38,7 +38,7 @@ ODDS = EVIDENCE.rare
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Structure and parameters (model, x) of recordings, noise, and their cost.
+    """Structure and parameters (model, x) for recordings, noise, and their cost.
 
     experiments: the recordings, with what the structure knows about them (lost commands, the error
     of an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual:
@@ -67,7 +67,7 @@ class Hypothesis:
 
     @property
     def creased(self) -> bool:
-        """Whether what it predicts is no smooth function of its parameters."""
+        """Whether its prediction is a nonsmooth function of its parameters."""
         return creased(self.model)
 
     @property
@@ -77,7 +77,7 @@ class Hypothesis:
 
     @property
     def against_physics(self) -> str:
-        """A parameter that stands where physics does not allow it, "" for none.
+        """A parameter at a value that is not physical, "" for none.
 
         That is, on a physical bound (`Parameter.ends`), or in an impossible combination
         (`Effect.forbidden`).
@@ -95,17 +95,17 @@ class Hypothesis:
 
     @property
     def problem(self) -> Problem:
-        """The recordings under its noise."""
+        """The recordings with its noise."""
         return self.noise.problem(self.experiments)
 
     @property
     def ground(self) -> Landscape:
-        """What its model costs over x under its noise."""
+        """The cost of its model over x with its noise."""
         return self._ground(SEARCHING)
 
     @property
     def far_ground(self) -> Landscape:
-        """The same in as few substeps as costs compare in while a search is far from its end."""
+        """The same with few substeps, which suffice to compare costs early in a search."""
         return self._ground(SCREENING)
 
     def _ground(self, fineness: Fineness) -> Landscape:
@@ -118,7 +118,7 @@ class Hypothesis:
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
     def in_finer_steps(self) -> "Hypothesis":
-        """Return it with what it costs in the substeps of final fits, all else as it is."""
+        """Return it with its cost with the substeps of final fits, all else unchanged."""
         (finer,) = self._ground(FINAL).costs([self.x])
         return replace(self, cost=replace(self.cost, misfit=float(finer)))
 
@@ -131,19 +131,19 @@ class Hypothesis:
         return None
 
     def moved(self, x: Floats) -> "Hypothesis":
-        """Return the hypothesis at another x, its noise sought anew about its own."""
+        """Return the hypothesis at another x, with the best noise near its own."""
         return self._at(x, self.family.near(self.ratio))
 
     def anew(self, x: Floats) -> "Hypothesis":
-        """Return the hypothesis at another x, its noise sought in all of the family."""
+        """Return the hypothesis at another x, with the best noise of the whole family."""
         return self._at(x, self.family)
 
     def under(self, ratio: float) -> "Hypothesis":
-        """Return the hypothesis under the noise of one ratio; raises NoObserver."""
+        """Return the hypothesis with the noise of one ratio; raises NoObserver."""
         return self._at(self.x, self.family.of(ratio))
 
     def on(self, experiments: Sequence[Experiment]) -> "Hypothesis":
-        """Return the hypothesis on other recordings, its noise as it is; raises NoObserver."""
+        """Return the hypothesis on other recordings, its noise unchanged; raises NoObserver."""
         there = judged(
             experiments, self.model, self.x, self.family, self.family.of(self.ratio), self.prices
         )
@@ -155,7 +155,7 @@ class Hypothesis:
 
     @property
     def begun(self) -> Sequence[Floats] | None:
-        """Where its observer begins, which with play is dear to seek; None without."""
+        """The initial state of its observer, which takes long to find with play; None without."""
         return self.noise.starts if self.has_valleys else None
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
@@ -178,7 +178,7 @@ def judged(
     prices: Prices = (),
     begun: Sequence[Floats] | None = None,
 ) -> Hypothesis:
-    """Return a model at x under its likeliest noise; raises NoObserver where none follows.
+    """Return a model at x with its likeliest noise; raises NoObserver if none follows.
 
     among: the members of the family that are tried, None for all. prices: those of effects that the
     model lacks are ignored. begun: as in `likeliest`.
@@ -198,7 +198,7 @@ def judged(
 
 
 def independent(h: Hypothesis, horizon: float) -> Hypothesis:
-    """Return a hypothesis whose errors count as many times as they are independent.
+    """Return a hypothesis whose errors count as often as they are independent.
 
     Errors over a horizon [s] are dependent, tau at a time (`shared`), and the gain of one
     hypothesis over another by chance is tau times the gain with independent errors. Counted as n
@@ -216,7 +216,7 @@ def independent(h: Hypothesis, horizon: float) -> Hypothesis:
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
-    """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom.
+    """Fit and choose the noise again, in turn, until neither gains; then add the penalty.
 
     The first round uses as few substeps as suffice to compare costs, which brings the fit most of
     the way. (A noise chosen at wrong parameters takes their errors for disturbances, so each round
@@ -265,7 +265,7 @@ def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
 
 
 def priced(h: Hypothesis) -> Hypothesis:
-    """Return the hypothesis with its slopes, and with what its freedom costs.
+    """Return the hypothesis with its slopes, and with the penalty of its parameters.
 
     The penalty is infinite if the recordings do not determine a parameter of an effect: they cannot
     have shown that effect, but only a simpler one.
@@ -340,7 +340,7 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
 
 
 def gains(new: Hypothesis, old: Hypothesis) -> Floats:
-    """What one gains over the other in each stretch (blocks,)."""
+    """The gain of one over the other in each stretch (blocks,)."""
     return old.blocks - new.blocks
 
 

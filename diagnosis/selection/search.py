@@ -71,7 +71,7 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 
 @dataclass(frozen=True)
 class Moves:
-    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
+    """The moves of a search: to add an effect, to replace a hypothesis, to replace an effect.
 
     glancing: moves to add, before all else is tried; last: once nothing else is believed. apart:
     the recordings of a hypothesis without what seems to happen once in them, None if there is
@@ -88,7 +88,7 @@ class Moves:
 
 @dataclass
 class Search:
-    """What was tried and kept, by structure: the cheapest fit of each.
+    """The hypotheses that were tried and kept, by structure: the cheapest fit of each.
 
     plain: without physics; best: the cheapest of all that are believed. clear: whether every clear
     sign led to a believed effect. apart: how often a part of the recordings was set apart because
@@ -143,7 +143,7 @@ def search(
     family: Family = NEXT_SAMPLE,
     begun: Hypothesis | None = None,
 ) -> Search:
-    """Search for what explains recordings; raises NoObserver where none follows with the device.
+    """Search for what explains recordings; raises NoObserver if none follows with the device.
 
     family: the noise models with which all hypotheses are compared. begun: a hypothesis of another
     search, from which this one continues if it is believed.
@@ -165,7 +165,7 @@ def search(
 
 
 def from_afar(found: Search) -> bool:
-    """Look for the valley of the best anew, whatever its effects, and search on from there.
+    """Search for the valley of the best again, with all its effects, and continue from there.
 
     Returns whether that costs less. Friction, a dead band and a force that repeats over position
     have, together, enough creases to trap a fit, though none of them alone does.
@@ -182,7 +182,7 @@ def from_afar(found: Search) -> bool:
 
 
 def two_at_once(found: Search) -> bool:
-    """Add two effects to the best where none of them is believed alone; whether both are.
+    """Add two effects to the best if neither is believed alone; returns whether both are.
 
     Of several laws that act together, each explains little while the others are counted as noise.
     """
@@ -216,7 +216,7 @@ def _one_more(h: Hypothesis, than: Hypothesis) -> bool:
 
 
 def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
-    """Work until it ends, an error ends it, or it is interrupted: what was found stays."""
+    """Work to the end, an error or an interruption; results so far are kept."""
     try:
         with isolated("search", "a further effect"):
             work(found)
@@ -238,7 +238,7 @@ def _rounds(found: Search) -> None:
 
 
 def _ended(found: Search) -> None:
-    """Fit what is near the best for as long as that gains: the best has had many turns, rivals two.
+    """Fit near rivals as long as that gains: the best had many rounds of fit, they had two.
 
     What then costs less than it, with no more effects, was the better one; so was what lacks an
     effect that is no longer believed over its absence.
@@ -302,7 +302,7 @@ def _leave_out(found: Search) -> None:
 
 
 def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]) -> bool:
-    """Set apart what happens once, where it explains more than the next effect; whether it did.
+    """Set an event apart if it explains more than the next effect; returns whether it did.
 
     A hand on the device distorts every fit, and effects that explain part of it are believed one
     after the other. An event must explain more of it than an effect does, and must remain once the
@@ -341,7 +341,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
-    """Go on from other recordings: what was tried on those before compares with nothing."""
+    """Continue with other recordings: the costs for those before cannot be compared."""
     found.plain, found.best, found.tried = plain, best, {}
     found.slower = None if found.slower is None else Slower(plain)
     for done in (found.grown, found.looked, found.exchanged):
@@ -351,12 +351,12 @@ def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
 
 
 def searched_on(found: Search) -> None:
-    """Search on from the best, as of recordings of which more is known than when it was found."""
+    """Continue from the best, with recordings about which more is known than before."""
     _until_nothing_gains(found, _rounds)
 
 
 def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """What is believed over the best and has one effect more, the cheapest first.
+    """The hypotheses believed over the best with one effect more, the cheapest first.
 
     First what shows clearly in the first part of the recordings; then what all of them show; and
     once nothing else is believed, what is seen tick by tick.
@@ -383,7 +383,7 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """What is believed over the best once that is fitted from where the first of them ended, too.
+    """Those believed over the best also if that is fitted from where the first of them ended.
 
     With play a fit ends in one of many local minima. On a rig of four effects it ended 109 in -2 ln
     above the minimum that a fit with a fifth, spurious effect reached, which "gained" 96. And such
@@ -407,7 +407,7 @@ def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
-    """What is believed over the best in the place of an effect that gains, and is not believed.
+    """Those believed over the best in place of an effect that gains, but is not believed.
 
     A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
     """
@@ -426,7 +426,7 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 
 
 def _exchanged(found: Search) -> None:
-    """Put simpler, other and fewer effects in place while that costs less.
+    """Try simpler, other and fewer effects while that costs less.
 
     A move in place of an effect becomes its rival if the effect stays. As soon as something costs
     less, the search continues from there.

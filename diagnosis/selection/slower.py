@@ -1,4 +1,4 @@
-"""Costs of hypotheses over a longer prediction horizon than one sample.
+"""The second judge: hypotheses compared over a longer horizon than the next sample.
 
 If no model is true, the next sample is the worst judge: a lag, a limit of rate and a further mass
 explain more of it than the friction that governs the machine, and they displace friction, which
