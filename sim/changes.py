@@ -1,17 +1,17 @@
 """Known differences of a device in one run: a payload, another spring, a lower limit.
 
-A recording says what its own device file would say (`[device]` of the recording TOML). What is
-known is the difference to the device's file, and it is put on whatever a fit makes of the device: a
-payload of 0.493 kg adds 0.493 kg to a fitted mass,
+A recording states what was different about its device, with the keys of a device file (`[device]`
+of the recording TOML). The difference from the device's file is known, and is applied to whatever a
+fit makes of the device: a payload of 0.493 kg adds 0.493 kg to a fitted mass,
 
     m = m_fitted + (m_run - m_file),
 
-so that masses, springs, dampers, delay and numbers of physics add, and a limit replaces. Of an
-effect that the file does not have, because it is to be found, a run may say how much more of it
-there is: `more = { level = 0.93 }` for a payload of that weight times lever more, which is a known
-force and so tells what all other forces count; `times = { level = 2.18 }` where only the ratio is
-known. Nothing of it is fitted. A fit may walk to where a mass less its payload would be negative:
-of a mass or a spring at least `LEAST` of what the run says remains.
+Masses, springs, dampers, delay and numbers of physics are added in this way; a limit replaces the
+device's own. For an effect that is not in the file because it is still to be found, a run may state
+how much more of it there was: `more = { level = 0.93 }` for a payload that adds this weight times
+lever, a known force that determines the scale of all others; or `times = { level = 2.18 }` if only
+the ratio is known. None of this is fitted. A fit may try values at which a mass less its payload
+would be negative: at least the share `LEAST` of the stated mass or spring remains.
 """
 
 import math
@@ -44,9 +44,9 @@ class Changes:
 
     chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
     at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
-    times the device's; whoever takes the command reads it. physics: values to be added, by
-    effect@place; factors: what to multiply those by that are the drive's (`Effect.of_drive`), or of
-    which a run says so.
+    multiplies the device's; whoever uses the command applies it. physics: values to be added, by
+    effect@place; factors: multipliers, for numbers that belong to the drive (`Effect.of_drive`) or
+    that a run gives as a ratio.
     """
 
     chain: Chain
@@ -200,8 +200,8 @@ Labelled = tuple[tuple[str, Mapping[str, float]], ...]
 def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labelled]:
     """Return what to add to the numbers of effects and what to multiply them by, by label.
 
-    What scales with what a command does, and is not zero, is multiplied: whatever a fit makes of
-    the drive, a loop of four times the gain has four times that.
+    Numbers that scale with the effect of the command, and are not zero, are multiplied: a loop of
+    four times the gain has four times each of them, whatever a fit makes of the drive.
     """
     added: dict[str, dict[str, float]] = {}
     factors: dict[str, dict[str, float]] = {}
@@ -232,7 +232,8 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
 def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float]]:
     """Return what numbers of an effect are multiplied by and what is added to them.
 
-    Whatever they are found to be. Only magnitudes: what there is nothing of has nothing else.
+    These apply to whatever value is found. Only magnitudes are changed, since an effect of
+    magnitude zero has no other numbers.
     """
     name, at = table.only(("effect", "at", *SOUGHT)).text("effect"), table.text("at")
     if name not in EFFECTS or at not in EFFECTS[name].places:

@@ -116,15 +116,15 @@ class Device(Shown):
     def plant(self) -> Plant:
         """Return the linear equations, without delay and quantisation.
 
-        The amplifier's lag is in them, and springs to ground and extra masses, which come after
-        those of the chain in the order of physics.
+        They include the amplifier's lag, springs to ground and extra masses, which follow those of
+        the chain in the order of physics.
         """
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
         """Return, for each mass that an effect adds, the index of the mass to which it is attached.
 
-        After them, which place each filtered reading follows.
+        Then the place that each filtered reading follows.
         """
         hung = self.hung()
         filters = filters_of([(p, p.values) for p in self.physics])
@@ -204,7 +204,7 @@ class Device(Shown):
     def bare(self) -> "Device":
         """Return the device without effects, but for its linear drive and filters of readings.
 
-        These are a drive whose command is a goal, and what filters a reading.
+        These are a drive whose command is a goal, and filters of readings.
         """
         kept = tuple(p for p in self.physics if p.effect.sought == "given" or p.effect.follows)
         return self if len(kept) == len(self.physics) else replace(self, physics=kept)
@@ -232,8 +232,8 @@ class Device(Shown):
 def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) -> Plant:
     """Return the linear equations of a chain with effects, each with its values (`Device.plant`).
 
-    Of many chains with values (...) where they all have the same further masses, and all lag or
-    none.
+    Also for many chains with values (...) if all have the same further masses, and all lag or none
+    does.
     """
     structure: Matrices = matrices(chain)
     lag: float | Floats = 0.0
@@ -303,7 +303,7 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
 def has_room(effect: Effect, masses: int) -> bool:
     """Whether a device of so many masses, its effects' included, may have another effect.
 
-    Of what filters readings that is so where each of them has a reading.
+    With filtered readings this holds if each filter has a reading.
     """
     return masses * (2 if effect.follows else 1) + effect.adds_mass <= MASSES_IN_ALL
 

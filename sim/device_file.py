@@ -4,10 +4,10 @@
     [uncertainty]; [band] with [[band.output]]; [posterior]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
-m_kg, b_ns_per_m on a linear one. [drive] is what a data sheet says of motor and amplifier
-(`sim.drive`); a device keeps what follows from it, and is written so. [uncertainty] says how well
-the rest is known, as shares of it. [band] is what a diagnosis measured of the device,
-[posterior] how well it knows its numbers together.
+m_kg, b_ns_per_m on a linear one. [drive] has the data sheet of motor and amplifier (`sim.drive`); a
+device stores the values that follow from it, and is written with these. [uncertainty] states how
+well the other values are known, as shares of them. [band] and [posterior] come from a diagnosis:
+the errors of the device's free runs, and the joint uncertainty of its parameters.
 """
 
 import hashlib
@@ -110,7 +110,7 @@ def shipped_devices() -> list[str]:
 def remarks_on(device: Device) -> list[str]:
     """Return what a command says of a device before its work, a line each (`warnings_of`).
 
-    Nothing on the mechanism of a shipped device, of which `zwidth devices NAME` says it.
+    None about the mechanism of a shipped device, which `zwidth devices NAME` explains.
     """
     remarks = warnings_of(device)
     known = (load_device(name).chain for name in shipped_devices()) if remarks else ()
@@ -148,7 +148,7 @@ def _sized(device: Device, where: str) -> Device:
     """Return a device whose numbers are of a size that can be simulated.
 
     Raises DeviceError for others, which are slips of a unit or of an exponent: a kernel would
-    overflow, or a run take years. Of a modal device it is the chain that it is of.
+    overflow, or a run take years. For a modal device, that of the equivalent chain.
     """
     for field, (least, most, unit) in SIZES.items():
         for value in np.atleast_1d(getattr(device.chain, field)).tolist():
@@ -189,7 +189,7 @@ def model_hash(device: Device) -> str:
 def device_to_text(device: Device) -> str:
     """Return the device file, whose numbers read back exactly.
 
-    Every key of the interface, and of the uncertainty what differs from the default.
+    Every key of the interface, and those of the uncertainty that differ from the default.
     """
     head: dict[str, object] = {
         "schema": SCHEMA,

@@ -28,8 +28,8 @@ moved.
 Limits: the lag is put on the command alone; with L the back-EMF lags as well, which changes the
 damper by w L / R at the frequency w.
 
-A drive that is switched off, which a recording says, gives no force. Where its winding is shorted
-then, the back-EMF goes on braking; where it is open, nothing of it does (`open_winding`).
+A drive that is switched off, according to a recording, gives no force. If its winding is shorted
+then, the back-EMF still brakes; if it is open, it does not (`open_winding`).
 """
 
 import math

@@ -203,7 +203,7 @@ def _assess(
 def _cycling(amplitude: Floats, kinetic: Floats, window: float, final: bool) -> NDArray[np.bool_]:
     """Whether the last half of each run (windows / 2, runs) neither grows nor decays.
 
-    Cycles under an encoder step may beat for ever: in the end the means of its quarters count.
+    Cycles under an encoder step may beat forever; at the end the means of its quarters decide.
     """
     with np.errstate(all="ignore"):
         change = (amplitude.max(axis=0) - amplitude.min(axis=0)) / amplitude.max(axis=0)

@@ -28,7 +28,7 @@ class Start:
     own: Mapping[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
 
     def beyond(self, names: Sequence[str], scales: Mapping[str, float]) -> list[float]:
-        """Return x of what recordings have of it, of so many names; scales: of its numbers."""
+        """Return x of the recordings' own values of it, in order of names; scales: its numbers'."""
         more = (self.own.get(name) for name in names)
         return [0.0 if own is None else own[1] / scales[own[0]] for own in more]
 

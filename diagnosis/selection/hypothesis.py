@@ -345,7 +345,7 @@ def gains(new: Hypothesis, old: Hypothesis) -> Floats:
 
 
 def against(new: Hypothesis, old: Hypothesis) -> Compared:
-    """What one gains over the other, and how far that scatters about what their difference says."""
+    """The gain of one over the other, and its scatter about what their difference predicts."""
     if new.samples != old.samples:
         return compared(gains(new, old))
     outputs = new.noise.observer.deviation.size

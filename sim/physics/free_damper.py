@@ -2,8 +2,8 @@
 
     f = f(v),    a table with a smooth curve through it (`free_law.py`).
 
-v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and against
-it on the second. What brakes has a table that falls. At rest it holds nothing: it is no friction.
+v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and with the
+opposite sign on the second. A falling table brakes. At rest it holds nothing: it is no friction.
 """
 
 from zwidth.sim.physics.effect import Effect

@@ -2,8 +2,8 @@
 
     f = f(q),    a table with a smooth curve through it (`free_law.py`).
 
-q is the position of a mass or, in a link, q_i - q_j; f acts on the first mass, and against
-it on the second. A spring that pulls back has a table that falls.
+q is the position of a mass or, in a link, q_i - q_j; f acts on the first mass, and with the
+opposite sign on the second. A spring that pulls back has a falling table.
 """
 
 from zwidth.sim.physics.effect import Effect

@@ -2,8 +2,8 @@
 
     u_k = u_(k-1) + clip(a_k - u_(k-1), -rate T, rate T)
 
-of what the amplifier is asked for, a_k, at ticks of T; it comes last, after the amplifier's limit.
-A recorded command begins where it is, and not at zero.
+of the requested force a_k, at ticks of T; it comes last, after the amplifier's limit. A recorded
+command starts at its first value, and not at zero.
 """
 
 import math

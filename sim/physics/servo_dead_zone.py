@@ -1,9 +1,9 @@
 """A servo that does nothing close to its goal: f = -clip(k (goal - q), -k half, k half).
 
-half: of the zone, to each side; k the stiffness of the `position_servo`, whose force is then
-k (goal - q -+ half) outside. Play in series with a spring whose other end is moved is the same law.
+half: of the zone, to each side; k: the stiffness of the `position_servo`, whose force is then k
+(goal - q -+ half) outside. Play in series with a spring whose other end is moved is the same law.
 
-Limits: beside a `servo_limit` the force at the limit is too low by k half.
+Limits: with a `servo_limit` the force at the limit is too low by k half.
 """
 
 import math

@@ -48,7 +48,7 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 def _bounds(z: Sizes, place: Place) -> Bounds:
     """At no speed above the highest recorded is there anything to see of a fall.
 
-    Nor at one so low that a mass is past it within a sample: what falls there is Coulomb friction.
+    Nor at a velocity so low that a mass passes it within one sample: that is Coulomb friction.
     """
     most = most_friction(z, place)
     return {
