@@ -76,8 +76,8 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
             units = [n.unit for n in own]
             return Draws(devices, told.names, units, np.array(drawn), device.posterior is not None)
     raise ValueError(
-        f"of {TRIES * count} draws {len(devices)} can be, and {count} were asked; the posterior is"
-        " too wide for its values: diagnose more recordings, or take wide numbers out of it"
+        f"only {len(devices)} of {TRIES * count} draws are possible devices, and {count} were asked"
+        " for; the posterior is too wide: diagnose more recordings, or remove its widest numbers"
     )
 
 

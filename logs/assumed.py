@@ -371,8 +371,8 @@ class _Reader:
                 return outputs
         if len(self._signals()) == 1:
             raise RecordingError(
-                f"{self.source.path.name} is one column, {self._signals()[0]}, and nothing says"
-                " what drives and what moves; if time, command and position are in files of their"
+                f"{self.source.path.name} is one column, {self._signals()[0]}, and both a"
+                " command and a motion are needed; if they are in files of their"
                 " own, name each with file = in [input] and [[output]] of one recording TOML"
             )
         rest = [n for n in self._open() if self.names[n].role == "measured"]
@@ -381,7 +381,7 @@ class _Reader:
             others = [n for n in self._signals() if self.seen[n].seems != "time"] or ["none"]
             raise RecordingError(
                 f"{self.source.path.name} has no column that seems to be a position or a velocity,"
-                f" but {_words(others[:8])}; say which is which in a recording TOML"
+                f" only {_words(others[:8])}; name the channels in a recording TOML"
                 f" ('zwidth convert {self.source.path} FILE.toml' drafts one)"
             )
         if (arrays := self._array(rest)) is not None:
@@ -391,15 +391,18 @@ class _Reader:
             unnamed = all(re.fullmatch(r"column\d+", name) for name in rest)
             if unnamed and self.source.kind.startswith("text table"):
                 raise RecordingError(
-                    f"{self.source.path.name} has no line that names its columns, and nothing says"
+                    f"{self.source.path.name} has no line that names its columns, so it is unknown"
                     f" which of {_words(rest)} is the position: write a line of names above the"
                     " numbers (time, position, torque ...), or name them in a recording TOML"
                 )
             raise RecordingError(
-                f"{self.source.path.name} does not say which of {_words(rest)} is the position; say"
-                f" it in a recording TOML; 'zwidth convert {self.source.path} FILE.toml' drafts one"
+                f"{self.source.path.name} does not say which of {_words(rest)} is the position;"
+                " name it in a recording TOML;"
+                f" 'zwidth convert {self.source.path} FILE.toml' drafts one"
             )
-        self.found.doubts.append(f"{chosen} is taken for the position: nothing says what it is")
+        self.found.doubts.append(
+            f"{chosen} is taken for the position, without any sign of what it is"
+        )
         return {"position_m1": chosen}
 
     def _array(self, rest: Sequence[str]) -> dict[str, str] | None:
@@ -440,7 +443,7 @@ class _Reader:
         if len(known) < 2:
             one = f"only {known[0]} moves in it" if known else "no position in it moves"
             raise RecordingError(
-                f"{self.source.path.name} holds no several joints: {one}; leave --joint out"
+                f"{self.source.path.name} has no several joints: {one}; leave --joint out"
             )
         words = differing({name: self.names[name] for name in every})
         labels = {name: "_".join(words[name]) for name in every}
@@ -460,7 +463,7 @@ class _Reader:
         if not found:
             raise RecordingError(
                 f"{self.source.path.name} has no joint {self.joint!r} among {_words(known)}; give"
-                " --joint the number or the name that one of them has"
+                " --joint one of these names, or its number"
             )
         return found
 

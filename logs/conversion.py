@@ -77,9 +77,9 @@ def _refuse_beyond(entry: Entry, raw: Floats, modulus: float) -> None:
     known = raw[np.isfinite(raw)]
     if known.size and known.max() - known.min() > modulus:
         raise RecordingError(
-            f"{entry.signal!r} goes from {known.min():g} to {known.max():g}, which is farther than"
-            f" its wraps_at = {modulus:g} allows; give after how many raw numbers it starts anew,"
-            " or leave wraps_at out"
+            f"{entry.signal!r} goes from {known.min():g} to {known.max():g}, which is more than"
+            f" its wraps_at = {modulus:g} allows; give the count after which it wraps, or leave"
+            " wraps_at out"
         )
 
 

@@ -157,8 +157,8 @@ def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
         return None
     if device.modal is not None and any(key in own for key in (*ARRAYS, "ground_spring")):
         raise DeviceError(
-            "[device] of a recording gives masses and springs of a device that is given as modes;"
-            " give its mechanism as [chain]"
+            "[device] of a recording changes masses or springs, but the device file describes"
+            " modes; describe its mechanism by [chain]"
         )
     said = {key: own.numbers(key) for key in ARRAYS if key in own}
     for key, values in said.items():
@@ -215,7 +215,7 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
             hint = nearest(label, known) if known else "it has none"
             raise DeviceError(
                 f"{table.path} of the recording is {label}, which the device file does not have;"
-                f" {hint}; of what is to be found say how much more there is: more = {{...}}"
+                f" {hint}; for an effect that is still to be found, give more = {{...}}"
             )
         values, scales = known[label].values, known[label].effect.of_drive
         table.only(("effect", "at", *SOUGHT, *values))
@@ -238,7 +238,7 @@ def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float
     name, at = table.only(("effect", "at", *SOUGHT)).text("effect"), table.text("at")
     if name not in EFFECTS or at not in EFFECTS[name].places:
         hint = nearest(at, EFFECTS[name].places) if name in EFFECTS else nearest(name, EFFECTS)
-        raise DeviceError(f"{table.path} of the recording is {label}, which there is not; {hint}")
+        raise DeviceError(f"{table.path} of the recording is {label}, which is unknown; {hint}")
     allowed = [p.name for p in EFFECTS[name].parameters if p.role == "magnitude"]
     found: list[dict[str, float]] = []
     for key in ("times", "more"):

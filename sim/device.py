@@ -81,7 +81,7 @@ class Device(Shown):
                     f"{label} belongs to {home(physics)}, not to physics; add it by with_physics"
                 )
             if label in seen:
-                raise DeviceError(f"{label} stands twice in physics; give it once")
+                raise DeviceError(f"{label} is twice in physics; give it once")
             seen.add(label)
             if physics.effect.rotary_only and not self.rotary:
                 raise DeviceError(f"{label} needs an angle; a device with rotary = false has none")

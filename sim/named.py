@@ -75,7 +75,7 @@ def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
     effects: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         if name not in known:
-            raise DeviceError(f"the device has no number {name!r}; {nearest(name, list(known))}")
+            raise DeviceError(f"the device has no parameter {name!r}; {nearest(name, list(known))}")
         if name == "k0":
             arrays["ground_spring"] = np.array(value)
         elif name.startswith("interface."):

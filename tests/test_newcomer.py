@@ -258,7 +258,5 @@ def test_a_table_without_a_motion_is_one_sentence(
     np.savetxt("d.csv", np.random.default_rng(0).random((300, 2)), "%.6g", ",")
     assert run(["diagnose", "d.csv"]) == Status.BAD_INPUT
     said = capsys.readouterr().err.strip().splitlines()
-    assert said[-1].startswith(
-        "error: d.csv has no line that names its columns, and nothing says which"
-    )
+    assert said[-1].startswith("error: d.csv has no line that names its columns, so it is unknown")
     assert not Path("runs").exists()

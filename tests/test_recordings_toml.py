@@ -140,7 +140,7 @@ def kind_of(table: str) -> str:
         (HEAD + TIME + INPUT.replace("torque", "tork"), "no signal 'tork'; did you mean 'torque'?"),
         (HEAD.replace("a.csv", "b.csv") + TIME + INPUT, "b.csv does not exist"),
         (HEAD.replace("a.csv", "b\\u0000") + TIME + INPUT, "cannot be the name of a file"),
-        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be the less"),
+        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be less"),
         (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\n", "leaves no sample"),
         (HEAD + TIME + "rotary = false\n" + INPUT, "linear device"),
         (HEAD + TIME + "resample = -1\n" + INPUT, "allowed is true, false or a period above 0"),

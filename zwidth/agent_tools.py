@@ -76,7 +76,7 @@ async def diagnose(
 async def check(
     device: str, recordings: list[str], model: str | None = None, joint: str | None = None
 ) -> dict[str, Any]:
-    """Say whether a device is still true of its machine, and what changed where it is not.
+    """Check whether a device file still describes its machine, and say what changed if not.
 
     device: the `augmented_device` of a diagnosis. recordings: later ones of the same machine.
     model, joint: an MJCF or URDF model that MuJoCo runs instead. Takes seconds. status 0: within

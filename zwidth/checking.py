@@ -1,4 +1,4 @@
-"""Whether a device is still true of its machine: its free runs against the band in its file.
+"""Whether a device file still describes its machine: its free runs against the band in its file.
 
 Each recording is judged by itself (`diagnosis.answer.band`). Where one is outside, the parameters
 that the device has, its delay among them, are fitted anew to the recordings that are (nothing is
@@ -254,8 +254,8 @@ def rebased(
     new = of_windows(found, band.window, band.ratio, kinds)
     if new is None:
         raise ValueError(
-            f"the recordings have {found.error.shape[0]} free run(s) of {band.window:g} s that end,"
-            " and a band needs two; give longer recordings"
+            f"the recordings give {found.error.shape[0]} free run(s) of {band.window:g} s without"
+            " overflow, and a band needs two; give longer recordings"
         )
     return replace(device, band=new)
 
@@ -309,7 +309,7 @@ def _judged(device: Device, one: _Taken, simulate: Simulate) -> Recording:
                     if o.name in found.names)  # fmt: skip
     if not outputs:
         raise ValueError(
-            f"{one.name} has {', '.join(found.names)}, and the band of {device.name} is of"
+            f"{one.name} has {', '.join(found.names)}, but the band of {device.name} is for"
             f" {', '.join(o.name for o in band.outputs)}; give a recording with one of these"
         )
     news = tuple(f for f in one.faults if f.wrong and f.kind not in band.corrected)

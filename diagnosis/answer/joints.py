@@ -20,5 +20,5 @@ class JointAnswers(Shown):
     def __getitem__(self, joint: str) -> Diagnosis:
         """Return the diagnosis of a joint; raises KeyError, which says why there is none."""
         if joint not in self.answers:
-            raise KeyError(self.left.get(joint, f"{joint!r} is none of {', '.join(self.answers)}"))
+            raise KeyError(self.left.get(joint, f"no {joint!r} in {', '.join(self.answers)}"))
         return self.answers[joint]

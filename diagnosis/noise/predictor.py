@@ -168,7 +168,7 @@ def whitened(
     try:
         mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
     except np.linalg.LinAlgError as error:
-        raise NoObserver(f"the outputs are no two measurements: {error}") from error
+        raise NoObserver(f"the outputs are not independent measurements: {error}") from error
     whitening = mixed.reshape(filters.shape) / size[None, :, None]
     spread = size * np.sqrt(np.diag(covariance))
     return replace(observer, whitening=whitening, deviation=spread, told=share)

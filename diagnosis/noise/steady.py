@@ -159,7 +159,7 @@ def spread(device: Device, experiment: Experiment, ratio: float) -> Spread:
         return _in_contact(device, experiment, ratio)[1]
     p, motion, c, process, noise = _spreads([device], experiment, np.array([ratio]))
     if not np.all(np.isfinite(p)):
-        raise NoObserver("no steady observer: the equation of its covariance does not settle")
+        raise NoObserver("no steady observer: the equation of its covariance does not converge")
     return Spread(p[0], motion[0], c, process[0], noise)
 
 

@@ -345,8 +345,8 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     if found[0].less is not None:
         raise ExperimentError(
-            f"the recording has {found[0].name} and no position or velocity of a mass: how"
-            " far a link gives way does not say how the device moves; name one of a mass beside it"
+            f"the recording has {found[0].name} but no position or velocity of a mass, which is"
+            " needed beside the deflection of a link; add one as [[output]] to the recording's TOML"
         )
     kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
     for o in found:
@@ -433,8 +433,8 @@ def _told_by_force(
     stiffness = drive_stiffness(device, changes)
     if stiffness == 0.0:
         raise ExperimentError(
-            f"the recording has the force of the drive, {FORCE}, and the device no drive that it"
-            " would tell a position of; describe it in the device file as [drive] kind ="
+            f"the recording has the force of the drive, {FORCE}, but the device has no drive whose"
+            " position follows from it; describe it in the device file as [drive] kind ="
             ' "position" with its stiffness and without damping, or name another output'
         )
     counts = 1.0 if changes is None else changes.command_gain
@@ -603,8 +603,8 @@ def _refuse_forces(trace: Trace, device: Device, name: str) -> None:
             continue
         if place >= masses:
             raise ExperimentError(
-                f"{name} has {channel}, and the device {masses} mass{'' if masses == 1 else 'es'};"
-                " let it act on one of those"
+                f"{name} has {channel}, but the device has {masses}"
+                f" mass{'' if masses == 1 else 'es'}; name one of these"
             )
         if trace.units[channel] not in (unit, ""):
             raise ExperimentError(

@@ -25,8 +25,8 @@ def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None
     supply = trace[SUPPLY] if SUPPLY in known else np.ones(len(trace))
     if not on.any():
         raise ValueError(
-            f"[enable] of {name} is never {ON:g} or more, so that its drive was never on; correct"
-            " the signal or its scale, or leave [input] out for a motion that nothing drives"
+            f"[enable] of {name} is never {ON:g} or more, so its drive was never on; correct"
+            " the signal or its scale, or leave [input] out for a free motion"
         )
     if not np.all(supply[on] > 0.0):
         raise ValueError(
@@ -39,8 +39,8 @@ def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None
     looped = {p.effect.name for p in device.physics}
     if "position_servo" in looped and "servo_limit" not in looped:
         raise ValueError(
-            f"{name} says when its drive was on or what supplied it, and the drive of the device"
-            " file has no limit; give [drive] a limit, which is then scaled"
+            f"{name} has [enable] or [supply], but the drive of the device file has no limit that"
+            " they could scale; give [drive] a limit"
         )
     off = int(np.count_nonzero(~on))
     said = f"the drive of {name} is off in {off} of {len(trace)} samples, and gives no force there"

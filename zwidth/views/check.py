@@ -1,4 +1,4 @@
-"""Whether a device is still true of its machine: a row for each output of each recording."""
+"""Whether a device file still describes its machine: a row for each output of each recording."""
 
 from typing import TYPE_CHECKING
 

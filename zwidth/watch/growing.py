@@ -111,7 +111,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
             known = os.fstat(file.fileno())
             if known.st_size < taken or known.st_ino != first:
                 raise RecordingError(
-                    f"{path} was started anew; run the same command again to follow it"
+                    f"{path} was started again; run the same command again to follow it"
                 )
             file.seek(taken)
             new = file.read(known.st_size - taken)
@@ -148,6 +148,6 @@ def _refuse_whole_formats(name: str, begun: bytes) -> None:
     for start, _ in STARTS:
         if begun.startswith(start[:WIDEST]):
             raise RecordingError(
-                f"{name} is of a format that is written as a whole; an MCAP file or a text table"
-                " can be followed, this one 'zwidth diagnose' reads when it is finished"
+                f"{name} has a format that can only be read when it is complete; follow an MCAP"
+                " file or a text table, or give this one to 'zwidth diagnose' when it is finished"
             )
