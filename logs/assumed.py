@@ -645,7 +645,7 @@ class _Reader:
             others = [n for n in self.names if n not in used and self.seen[n].seems in NO_COMMAND]
             none = f" ({_words(others[:8])} can be none)" if others else ""
             self.found.doubts.append(
-                f"no column seems to be a command{none}: taken as a motion that nothing drives; if"
+                f"no column seems to be a command{none}: taken as a free motion; if"
                 " something drives, record its torque, current, voltage or goal, too"
             )
             return None

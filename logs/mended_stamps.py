@@ -56,7 +56,7 @@ def _runs(t: Floats) -> tuple[Floats, str] | None:
     if not np.all(np.isfinite(whole)):
         return None
     return whole, (
-        f"the clock begins anew at {t[0]:.6g} s, {times(back.size)}: {back.size + 1} runs are"
+        f"the clock starts again at {t[0]:.6g} s, {times(back.size)}: {back.size + 1} runs are"
         " taken, one after another"
     )
 

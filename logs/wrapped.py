@@ -56,7 +56,7 @@ def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace,
         said.append(f"{channel} of {name} starts anew every {size:.6g}{unit}, {times(at.size)}")
     if not said:
         return trace, ""
-    return trace.with_channels(channels), f"{'; '.join(said)}: it is taken as one that goes on"
+    return trace.with_channels(channels), f"{'; '.join(said)}: it is continued"
 
 
 def _wraps(values: Floats) -> tuple[NDArray[np.int64], float] | None:

@@ -48,7 +48,7 @@ TELLING = 3.0  # times its noise, that an output must move by to say anything
 STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
 DELAY = "loop_delay"
 NO_BAND = (
-    "{} has no [band], so nothing says how far it may err; take the NAME.augmented.toml that"
+    "{} has no [band], which gives the allowed error; take the NAME.augmented.toml that"
     " 'zwidth diagnose' writes"
 )
 
@@ -158,8 +158,8 @@ class Check(Shown):
         if not outside:
             count = len(self.recordings)
             those = "the recording" if count == 1 else f"all {count} recordings"
-            return f"{what} is still true of {those}: free runs err no more than its band allows"
-        head = f"{what} is no longer true of {listed([r.name for r in outside])}"
+            return f"{what} still describes {those}: errors of free runs are within its band"
+        head = f"{what} no longer describes {listed([r.name for r in outside])}"
         faults = [f.sentence for r in outside for f in r.news]
         if faults:
             return f"{head}: {faults[0]}"

@@ -64,7 +64,7 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
         known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
         if (apart and peak is not None) or (later and known):
-            say("something may have happened: checking whether one effect explains it")
+            say("something may have happened once: checking whether one effect explains it")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None:
             if not later:
@@ -183,7 +183,7 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 
 
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
-    say(f"searching on from {tried.best.model.label}, with the event known")
+    say(f"continuing the search from {tried.best.model.label}, with the event known")
     searched_on(tried)
     return replace(_held(tried), far=found.far)
 

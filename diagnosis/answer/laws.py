@@ -169,7 +169,7 @@ class LearnedLaw(Law):
         curve = self.curve
         name = curve.physics.effect.name
         what = {
-            "free_amplifier": "something is added to the command",
+            "free_amplifier": "an error is added to the command",
             "free_sensor": "the reading errs",
         }.get(name, f"a force acts {place_in_words(curve.physics.place, masses)}")
         return f"{what} that has no name in the library: {self.extent}"
@@ -194,7 +194,7 @@ class LearnedLaw(Law):
         """Say which named effects were part of the curve, "" for none."""
         gone = self.curve.absorbed
         was, it = ("was", "it") if len(gone) == 1 else ("were", "them")
-        return f"{listed(gone)} {was} not needed any more: this curve includes {it}" if gone else ""
+        return f"{listed(gone)} {was} no longer needed: this curve includes {it}" if gone else ""
 
     @property
     def size(self) -> str:

@@ -150,7 +150,7 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
     with stage("what is left"):
         left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
     other: Instead | None = None
-    name = "physics of no library in the place of what was named"
+    name = "unknown physics in place of the named effects"
     with stage("in place of names"), isolated("detect", name):
         other = instead_of(found)
     return left or Left(0.0, ""), other

@@ -136,7 +136,7 @@ class Learned:
         link = self.physics.place.kind == "link"
         name = self.physics.effect.name
         if name == "free_spring":
-            return "what the link gives way" if link else "position"
+            return "deflection of the link" if link else "position"
         return {"free_damper": "rate of the link" if link else "velocity"}.get(name, "command")
 
 

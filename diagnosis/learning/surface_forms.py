@@ -74,7 +74,7 @@ def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
     """Return the usual names of states at a place."""
     if place_at(at).kind != "link":
         return tuple(over)
-    link = {"position": "what the link gives way", "velocity": "rate of the link"}
+    link = {"position": "deflection of the link", "velocity": "rate of the link"}
     return tuple(link.get(state, state) for state in over)
 
 

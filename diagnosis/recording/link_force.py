@@ -41,8 +41,8 @@ def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple
         units[deflection] = "rad" if device.rotary else "m"
         unit = "N m/rad" if device.rotary else "N/m"
         said.append(
-            f"{channel} of {name} is taken as what {match[1]} gives way, at the {stiffness:.6g}"
-            f" {unit} of the device file"
+            f"{channel} of {name} is taken as the deflection of {match[1]}, with the"
+            f" {stiffness:.6g} {unit} of the device file"
         )
     if not said:
         return trace, ()

@@ -230,7 +230,7 @@ def _rounds(found: Search) -> None:
         before = found.best
         with stage("adding effects"):
             _grown(found)
-        with stage("putting others in their place"):
+        with stage("trying others in their place"):
             _exchanged(found)
         if found.best is before:
             break
@@ -332,7 +332,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
         if not explained > max(gained, PURSUIT.near_rival):
             return False
         found.say(
-            "something seems to have happened once: searching on without that part of the recording"
+            "something seems to have happened once: continuing without that part of the recording"
         )
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1

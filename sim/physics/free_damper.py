@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_damper = Effect(
     name="free_damper",
-    summary="a force over velocity, or over how fast a link gives way, as a table",
+    summary="a force over velocity, or over the rate of a link's deflection, as a table",
     formula="f = f(v), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad/s", "N m"),

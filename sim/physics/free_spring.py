@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_spring = Effect(
     name="free_spring",
-    summary="a force over position, or over what a link gives way, as a table",
+    summary="a force over position, or over the deflection of a link, as a table",
     formula="f = f(q), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad", "N m"),

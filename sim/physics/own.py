@@ -64,7 +64,7 @@ WIDEST = 1e9
 SHARES = (0.004, 0.06)  # of what a recording moves by: magnitudes that a fit begins from
 MOST_POWER = 8  # of a whole exponent that is multiplied out
 STRAIGHT = 1e-9  # relative error of a law that is a straight line over a magnitude
-UNREADABLE = "cannot be read; mend the path or take it out of the environment variable"
+UNREADABLE = "cannot be read; correct the path or take it out of the environment variable"
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from zwidth.sim.physics.own import IDENTIFIER, OWN
 
 NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
 LETTERS = (
-    "in it, q is the position (of a link: what it gives way), v the velocity, u the command and f"
+    "in it, q is the position (of a link: its deflection), v the velocity, u the command and f"
     " the force on the mass or link"
 )
 
