@@ -267,11 +267,7 @@ and every rig: [paddle_prediction.json](haptics/paddle_prediction.json).
   position stand between that and what acts.
 - The force sensor has no noise and measures the link's own spring and damper.
 - Only delay and damper are compared with a published measurement; filters, two rates, passivity
-  controller, texture and hands with closed forms alone. No published numbers were found to do
-  more: Chawda et al. and Koul et al. could be read in part, without their devices' numbers; the
-  sixteen measured Z-widths of Brown's thesis (Northwestern 1995) are pictures; Choi and Tan (IROS
-  2004) report that a texture's stiffness may grow from 0.325 to 0.904 N/mm between 250 Hz and 40
-  kHz, without the device.
+  controller, texture and hands with closed forms alone, since no published numbers were found.
 """
 
 
