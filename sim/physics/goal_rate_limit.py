@@ -1,4 +1,4 @@
-"""A servo whose goal goes no faster than a speed of its own, whatever goals it is sent.
+"""A servo that follows its goal no faster than a fixed speed.
 
     g_k = g_(k-1) + clip(goal_k - g_(k-1), -rate T, rate T)
 

@@ -42,7 +42,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 servo_dead_zone = Effect(
     name="servo_dead_zone",
-    summary="a zone about a servo's goal, or play at a moved end, in which it does nothing",
+    summary="a zone around a servo's goal in which it gives no force, or play at a moved end",
     formula=(
         "force of the servo: 0 for |goal - q| <= half,  "
         "k (goal - q -+ half) beyond it,  "
