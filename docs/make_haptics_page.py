@@ -204,7 +204,7 @@ damping within 5 % (`tests/test_hands.py`).
 
 Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
 delay it costs stiffness. It ends at G = 1 + M/m_h, with the masses M before and m_h behind the
-sensor: from there on a command raises itself through the force that it causes (within 10 %,
+sensor: beyond that, a command is amplified by the force that it causes (within 10 %,
 `tests/test_force_sensor.py`). With t = T/2 + t_d and t_F = T + t_d, since the force of a held
 command is that of the middle of its period,
 

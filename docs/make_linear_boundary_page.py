@@ -271,8 +271,8 @@ run that friction stops never reaches it.
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
 **Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
-changes the command by K times 1e-5 rad, at most 0.5 mN m here, and more than half of that in
-friction is enough.
+changes the command by K times 1e-5 rad, at most 0.5 mN m here, and
+friction of more than half of that is enough.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 

@@ -5,8 +5,8 @@
     u, w     position, velocity, a link's stretch and its rate, command, time; centred and scaled
     at       a mass, a link, the command, the sensor
 
-Powers, ranges, knots and phases are drawn too. What a law would give is worked out along a recorded
-motion; one that a refit and the library's laws reach together (`novelty`) is drawn anew.
+Powers, ranges, knots and phases are random too. The force of a law is computed along a recorded
+motion. If a refit and the library's laws together come near it (`novelty`), another law is drawn.
 """
 
 import math

@@ -4,9 +4,9 @@ The limit of a command is after its gain, and so a range of the force. Without d
 integrates by Runge and Kutta's fourth order; with it (a soft constraint there) implicitly, in
 steps and with an impedance at which a body held creeps by a ten-thousandth.
 
-Where a device says what its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
-With the gain G from volts to force, and brought to the joint (gear 1), its force K (u - K v) / R
-is G u - D v for
+If a device states how much its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
+With the gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G
+u - D v for
 
     K = D / G,    R = K / G,    inductance = lag R.
 

@@ -1,13 +1,13 @@
 """One recording fitted with the fleet's structure: its own numbers, and how well they go.
 
-A descent from the typical device (`settled`: fit and noise in turn), so some tenths of a second for
-600 samples. Estimates are free of the prior: with posterior variance v of x under a unit prior
-about 0, what the recording alone says has
+A descent from the typical device (`settled`: fit and noise in turn), which takes some tenths of a
+second for 600 samples. Estimates are independent of the prior: with posterior variance v of x under
+a unit prior about 0, the recording alone gives
 
     1 / s^2 = 1 / v - 1,    y = x s^2 / v,
 
-so a recording that says nothing of a parameter has an infinite standard error of it, and does not
-draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
+so a recording without information about a parameter has an infinite standard error of it, and does
+not draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -198,9 +198,9 @@ def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
 def held(e: Experiment) -> float:
     """Return for how much of a recording its first output stands still longest.
 
-    Where the command stands still as well, as of a servo that holds its goal, it may; and where it
-    sets out again from where it stood, as what sticks does: a sensor that gives no new readings
-    comes back where the device is by then.
+    Exceptions: the command is constant as well, as for a servo that holds its goal; or the motion
+    starts again from where it stopped, as after sticking. A sensor without new readings resumes at
+    the device's present position.
     """
     moves = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
     asks = QUIET * float(np.ptp(e.command))

@@ -1,10 +1,10 @@
 """A recording TOML for a file that nobody described: complete, with what was assumed in sentences.
 
-`guess.draft` leaves open what a file does not tell, for a person to fill in. This one is for going
-on at once: it takes SI where no unit is given, a thousand samples a second where there is no time,
-and for a scale that cannot be known one, so that forces are counted in the command's own unit. It
-says so, asks where somebody can answer, and names what the numbers themselves make doubtful: a step
-of 0.09 in an angle is 360 degrees in 4000, and no encoder counts such a part of a radian.
+`guess.draft` leaves open what a file does not say, for a person to fill in. This one is for
+continuing at once: it assumes SI if no unit is given, a thousand samples a second if there is no
+time, and one for an unknown scale, so that forces are counted in the command's own unit. It says
+so, asks if somebody can answer, and names what the numbers make doubtful: a step of 0.09 in an
+angle is 360 degrees in 4000, and no encoder counts such a part of a radian.
 """
 
 import math
@@ -96,8 +96,8 @@ NOBODY = "none"
 class Channel:
     """A signal as a channel: name, spelled unit (None: none is known), what the TOML says of it.
 
-    per: the key and the number of counts where each is taken for one of SI, as both the goal and
-    the motion of a loop say it, so that one number mends each.
+    per: the key and the number of counts if each is taken for one of SI; goal and motion of a loop
+    both state it, so that one number corrects both.
     """
 
     signal: str
@@ -125,9 +125,10 @@ def assumed(
 ) -> Assumed:
     """Return what to take the signals of a file for; file: its path as the TOML is to give it.
 
-    ask: where somebody can answer. joint: the number or name of the joint to take, of a file with
-    several. given: time, command, position or velocity -> the signal that somebody named for it.
-    Raises RecordingError where nothing in it seems to move, or no such joint is there.
+    ask: how to ask a person, if somebody can answer. joint: the number or name of the joint to
+    take, of a file with several. given: time, command, position or velocity -> the signal that the
+    user named for it. Raises RecordingError if nothing in it seems to move, or there is no such
+    joint.
     """
     with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
         return _Reader(source, file, ask, joint, given or {}).read()
@@ -408,7 +409,7 @@ class _Reader:
     def _array(self, rest: Sequence[str]) -> dict[str, str] | None:
         """Return the joint that moves most of several whose names say only that they were measured.
 
-        Each is a position where its goal is there and it follows it: "J1 Actual", "J1 Command".
+        Each is a position if its goal is there and it follows it: "J1 Actual", "J1 Command".
         """
         joints = differing({name: self.names[name] for name in rest})
         asked = [n for n, one in self.names.items() if one.role in ("goal", "command")]
@@ -867,7 +868,7 @@ def _hint(signal: Signal, own: str) -> str:
 def _lines_of(signal: Signal, turn: float) -> int | None:
     """Return how many of its steps make a turn, where they are a whole and round number of lines.
 
-    A step that a printer left, 0.001 or 1e-6, tells nothing.
+    A step from rounding in a printout, 0.001 or 1e-6, is no hint.
     """
     step = step_seen(signal.floats())
     if step is None or math.isclose(math.log10(step), round(math.log10(step)), abs_tol=1e-9):

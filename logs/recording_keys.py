@@ -4,8 +4,8 @@ from zwidth.sim.keys import Key
 
 _CLOCK = (
     ("period_s", "sampling period: the samples are counted", "s", ""),
-    ("time", "the signal of the time stamps, or of MCAP messages a clock: log_time, publish_time,"
-     " header.stamp, stamp, timestamp", "", ""),
+    ("time", "the signal of the time stamps; for MCAP a clock of the messages: log_time,"
+     " publish_time, header.stamp, stamp, timestamp", "", ""),
     ("time_unit", "unit of the stamps: s, ms, us, ns or min", "", '"s"'),
 )  # fmt: skip
 _SIGNAL = (

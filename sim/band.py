@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class OutputBand:
-    """Free runs of one output over windows, on data that nothing was fitted to.
+    """Free runs of one output over windows, on data that were not fitted.
 
     name: of the output, "position_m1"; error, noise, motion [unit of the output]: rms error of free
     runs, rms error one step ahead, and rms of the measurement about the mean of each window.
@@ -32,7 +32,7 @@ class OutputBand:
 
 @dataclass(frozen=True)
 class Band:
-    """What a diagnosis measured of the device that it wrote, for `zwidth check` to hold it to.
+    """What a diagnosis measured of its device, with which `zwidth check` compares later runs.
 
     window [s]: length of a free run; windows: how many there were; ratio: of the observer in whose
     state each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that

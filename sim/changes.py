@@ -67,7 +67,7 @@ class Changes:
         return replace(changed, physics=own)
 
     def of_members(self, members: Members) -> Members:
-        """Return members as they were in the run; bit for bit what `of` makes of each."""
+        """Return members as they were in the run; bit for bit the result of `of` for each."""
         changed = replace(members, chains=Chains(*self._chain(members.chains)))
         changed = changed.with_interface(**self._interface(members.of_interface("delay")))
         more, times, values = dict(self.physics), dict(self.factors), list(changed.values)
@@ -109,7 +109,7 @@ def _changed(physics: Physics, factors: Mapping[str, float], added: Mapping[str,
 
 
 def difference(before: Device, after: Device) -> Changes:
-    """Return what makes one device of another that has the same masses and effects."""
+    """Return the change from one device to another with the same masses and effects."""
     added = [np.subtract(b, a) for a, b in zip(before.chain, after.chain, strict=True)]
     least = [LEAST * np.asarray(numbers) for numbers in after.chain]
     other = {place_label(p): p.values for p in after.physics}
@@ -127,7 +127,7 @@ def difference(before: Device, after: Device) -> Changes:
 
 
 def beside(known: Changes | None, more: Changes) -> Changes:
-    """Return what was known to be different and what was more different besides."""
+    """Return the known differences together with further ones."""
     if known is None:
         return more
     values: dict[str, dict[str, float]] = {}
@@ -142,12 +142,12 @@ def beside(known: Changes | None, more: Changes) -> Changes:
 
 
 def known_changes(table: Table) -> Table:
-    """Return the table `[device]` of a recording if it has no other keys than it may have."""
+    """Return the table `[device]` of a recording; raises for keys that it may not have."""
     return table.only(KEYS)
 
 
 def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
-    """Return what a run adds to a device, of the table that says what its own file would say.
+    """Return what a run adds to a device, from the table that describes it.
 
     Raises DeviceError with one sentence: a mechanism given as modes, another number of masses or
     links, a value that is not allowed, an effect that the device's file does not have.
@@ -198,7 +198,7 @@ Labelled = tuple[tuple[str, Mapping[str, float]], ...]
 
 
 def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labelled]:
-    """Return what to add to the numbers of effects and what to multiply them by, by label.
+    """Return what to add to the numbers of effects, and by what to multiply them, by label.
 
     Numbers that scale with the effect of the command, and are not zero, are multiplied: a loop of
     four times the gain has four times each of them, whatever a fit makes of the drive.
@@ -230,7 +230,7 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
 
 
 def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float]]:
-    """Return what numbers of an effect are multiplied by and what is added to them.
+    """Return the factors and the additions of an effect's numbers.
 
     These apply to whatever value is found. Only magnitudes are changed, since an effect of
     magnitude zero has no other numbers.

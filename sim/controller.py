@@ -29,7 +29,7 @@ SIGNATURE = types.float64(types.int64, types.float64, types.float64, types.float
 
 
 def compile_step(step: Step) -> Any:
-    """Compile a control law; raises ValueError with the reason where numba cannot."""
+    """Compile a control law; raises ValueError with numba's reason if it cannot be compiled."""
     if numba.config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         return step
     source = getattr(step, "py_func", step)
@@ -46,7 +46,7 @@ def compile_step(step: Step) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Return the line that says why, out of numba's report."""
+    """Return the line of numba's report that gives the reason."""
     lines = (line.strip() for line in str(error).splitlines())
     said = (line for line in lines if line and not line.startswith("Failed in"))
     return next(said, type(error).__name__).removesuffix(", defined at None")

@@ -33,7 +33,7 @@ MASSLESS = 1e-15  # of m1, of what stands in the place of a mass and is a filter
 
 
 class DeviceError(ValueError):
-    """A device, or a device file, that cannot be; the message is one sentence."""
+    """A device, or a device file, that is not possible; the message is one sentence."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -260,7 +260,7 @@ def filters_of(effects: Iterable[tuple[Physics, Numbers]]) -> list[Place]:
 
 
 def _with_massless(structure: Matrices, count: int) -> Matrices:
-    """M, C, K with so many more places, in which filtered readings stand."""
+    """M, C, K with room for filtered readings."""
     room = [(0, 0)] * (structure.mass.ndim - 2) + [(0, count)] * 2
     grown = Matrices(*(np.pad(matrix, room) for matrix in structure))
     for place in range(structure.mass.shape[-1], structure.mass.shape[-1] + count):
@@ -283,12 +283,12 @@ def home(physics: Physics) -> str | None:
 
 
 def has_needed(effect: Effect, device: Device) -> bool:
-    """Whether the device has what an effect needs to have a part in it."""
+    """Whether the device has the effect that another one needs."""
     return not effect.needs or any(p.effect.name == effect.needs for p in device.physics)
 
 
 def known(effect: Effect, place: Place, device: Device) -> bool:
-    """Whether the device has the quantity that this effect would set, or has no use for it."""
+    """Whether the device already has the quantity of this effect, or cannot use it."""
     home = effect.in_interface
     if effect.sought in ("given", "learned") or not has_needed(effect, device):
         return True
@@ -309,7 +309,7 @@ def has_room(effect: Effect, masses: int) -> bool:
 
 
 def warnings_of(device: Device) -> list[str]:
-    """Return what a user should know about the device, a line each."""
+    """Return the warnings about the device, a line each."""
     negative = negative_dampers(device.chain)
     if not negative:
         return []

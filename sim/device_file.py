@@ -108,7 +108,7 @@ def shipped_devices() -> list[str]:
 
 
 def remarks_on(device: Device) -> list[str]:
-    """Return what a command says of a device before its work, a line each (`warnings_of`).
+    """Return the warnings that a command prints about a device, a line each (`warnings_of`).
 
     None about the mechanism of a shipped device, which `zwidth devices NAME` explains.
     """
@@ -145,7 +145,7 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
 
 
 def _sized(device: Device, where: str) -> Device:
-    """Return a device whose numbers are of a size that can be simulated.
+    """Return the device, if its numbers have a size that can be simulated.
 
     Raises DeviceError for others, which are slips of a unit or of an exponent: a kernel would
     overflow, or a run take years. For a modal device, that of the equivalent chain.
@@ -308,7 +308,7 @@ def _meaning(parameter: Parameter, rotary: bool) -> str:
 
 
 def device_from_text(text: str, where: str = "device") -> Device:
-    """Return the device of a device file's text; `where` begins every complaint.
+    """Return the device of a device file's text; `where` begins every error message.
 
     Raises DeviceError with one sentence, see `load_device`.
     """
@@ -335,7 +335,7 @@ KINDS_OF_FILES = {
 
 
 def other_kind(values: Mapping[str, object], wanted: str) -> str:
-    """Return what a TOML is by its keys, with what to do, where it is none of the wanted kind."""
+    """Return what a TOML file is, judged by its keys, and what to do if it is the wrong kind."""
     if any(key in values for key in KINDS_OF_FILES[wanted][0]):
         return ""
     found = (said for keys, said in KINDS_OF_FILES.values() if any(k in values for k in keys))
@@ -539,7 +539,7 @@ def _grid(values: Mapping[str, float]) -> dict[str, object]:
 
 @contextmanager
 def _as_in_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None, None, None]:
-    """Let complaints of the values name the keys of the file, and where they stand."""
+    """Let error messages about values name the keys of the file, and their place."""
     try:
         yield
     except TableError:

@@ -71,7 +71,7 @@ POSSIBLE = {
 
 @dataclass(frozen=True)
 class Drive:
-    """What a command is and how it becomes a force at m1.
+    """The kind of a command, and how it becomes a force at m1.
 
     motor_constant k_t [N m/A | N/A], resistance_ohm R, back_emf k_e [V s/rad | V s/m], by default
     k_t (which it is in SI), gear g, turns of the motor (or its travel) over those of m1,
@@ -141,7 +141,7 @@ class Drive:
 
     @property
     def damper(self) -> float:
-        """What the back-EMF is to m1."""
+        """The damper at m1 that the back-EMF is."""
         return 0.0 if self.kind in ("current", "position") else self._back
 
     @property
@@ -184,7 +184,7 @@ class Drive:
 
     @property
     def when_switched(self) -> tuple[Physics, ...]:
-        """What a drive loses of its damping while it is off."""
+        """The damping that a drive loses while it is off."""
         lost = self.when_off == "open" and self.damper > 0.0
         return (make_physics("open_winding", "m1", damping=self.damper),) if lost else ()
 

@@ -32,7 +32,7 @@ RunAll = Callable[[Sequence[Task]], object]
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording as it is followed.
+    """A recording, as members follow it.
 
     command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
     external (ticks, n): forces on the masses besides, the acceleration of the base after them
@@ -75,7 +75,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Followed:
-    """What came of it, a row a member.
+    """The results, a row for each member.
 
     moments (members, o, o): sum of w w' over `counted` ticks, w the whitened innovations; infinite
     where a member overflowed. innovations (members, ticks, o) where they were kept, else (members,

@@ -22,7 +22,7 @@ _scales: ContextVar[tuple[str, str]] = ContextVar("scales", default=("", ""))
 
 @contextmanager
 def counted_in(force: str, length: str) -> Generator[None]:
-    """Have forces written in what a command is in, lengths in what a reading is in, meanwhile.
+    """Meanwhile write forces in the unit of the command, lengths in the unit of the reading.
 
     If their scales are not known, one of each counts as one SI unit: a friction of 0.4 N m is then
     written 0.4 A, and an inertia is in A s2/count. force: "A", "V", "counts", length: "counts"; ""
@@ -176,5 +176,5 @@ def of_the_motion(share: float) -> str:
 
 
 def most(share: float) -> str:
-    """Return a share or a probability up to one, without a hundred percent that is none."""
+    """Return a share or a probability up to one; no value below one is written as 100 %."""
     return "over 99.9 %" if share > 0.9995 else f"{100.0 * share:.3g} %"

@@ -93,7 +93,7 @@ class Run(Shown):
 
 
 def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats) -> None:
-    """Put filtered readings of a state where those are that have followed its speeds for long.
+    """Set filtered readings of a state to their values after long motion at its speeds.
 
     In place. dof: number of positions; the others as in `Equations`.
     """

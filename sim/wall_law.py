@@ -36,7 +36,7 @@ NUMBERS, MEMORY = 6, 4
 
 @part
 def one_side(p, depth, push):
-    """Cut a push to what a one-sided wall gives, where the wall is one."""
+    """Limit a push to positive values if the wall is one-sided."""
     inside = select(depth > 0.0, greatest(0.0, push), 0.0)
     return select(p[ONE_SIDED] == 0.0, push, inside)
 

@@ -38,7 +38,7 @@ MEASURES = 7
 
 
 class Bank(NamedTuple):
-    """States of groups of runs, the first axis of each: x (groups, 32), line, internal and scalars.
+    """States of groups of runs, with the groups as first axis: x (groups, 32), line, and so on.
 
     As in `Memory`, whose counters (2,) all runs share. walls (groups, 6): their numbers; past
     (groups, 3): m1's three velocities before; bounds (groups,) of |position of m1|; escaped

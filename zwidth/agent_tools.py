@@ -1,8 +1,8 @@
 """What `zwidth mcp` offers to an agent: four questions, each asked of the command line.
 
-Each tool runs its command in a process of its own, so that a diagnosis neither holds up the server
-nor writes into its protocol, and is ended where the agent cancels it. It returns the JSON of the
-command; of a diagnosis the parts that an agent acts on, and where the whole stands.
+Each tool runs its command in a process of its own, so that a diagnosis neither blocks the server
+nor writes into its protocol, and ends when the agent cancels it. It returns the JSON of the
+command; of a diagnosis, the parts that an agent needs, and where the complete result is.
 """
 
 import json

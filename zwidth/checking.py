@@ -1,11 +1,11 @@
 """Whether a device file still describes its machine: its free runs against the band in its file.
 
-Each recording is judged by itself (`diagnosis.answer.band`). Where one is outside, the parameters
-that the device has, its delay among them, are fitted anew to the recordings that are (nothing is
-searched), and the fewest changes that explain the fit are said: about the fitted x the cost is
-(x - x_fit)' H (x - x_fit), H the inverse of the covariance of x, so what any subset explains of it,
-the others as in the file, is algebra. Whether these changes alone bring the free runs back within
-the band is then simulated.
+Each recording is judged by itself (`diagnosis.answer.band`). If one is outside, the parameters of
+the device, including its delay, are fitted again to the recordings outside (no effects are searched
+for), and the fewest changes that explain the fit are reported. Near the fitted x the cost is (x -
+x_fit)' H (x - x_fit), where H is the inverse of the covariance of x, so the share that any subset
+explains, with the others as in the file, follows by algebra. A simulation then shows whether these
+changes alone bring the free runs back within the band.
 """
 
 import math

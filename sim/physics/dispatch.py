@@ -1,4 +1,4 @@
-"""The kernel's way into every effect: one line an effect, under the hook at which it enters.
+"""How the kernel calls every effect: one line for each, at the hook where it enters.
 
 A new effect adds its file, its line here, and its line in the registry (`sim/physics/__init__.py`).
 Codes are the `Effect.code` of its declaration; parameters arrive in the declaration's order, what

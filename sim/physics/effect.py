@@ -1,4 +1,4 @@
-"""What an effect is: its parameters, where it enters, by which hook of the tick, how it is sought.
+"""What an effect is: its parameters, its places, its hook in the tick, how it is sought.
 
 Hooks, in the order of the tick (`sim/kernel.py`):
 

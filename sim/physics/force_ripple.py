@@ -1,4 +1,4 @@
-"""A force that comes and goes with position, as a motor's cogging or a cable drum's runout.
+"""A force periodic in position, such as a motor's cogging or a cable drum's runout.
 
     f = amplitude sin(2 pi q / period + phase)
 

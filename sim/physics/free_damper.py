@@ -1,4 +1,4 @@
-"""A force of no formula over a velocity, or over that of a link's deflection: a drag as measured.
+"""A force without a formula over a velocity, or over the rate of a link's deflection.
 
     f = f(v),    a table with a smooth curve through it (`free_law.py`).
 

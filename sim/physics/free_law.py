@@ -1,4 +1,4 @@
-"""A law of no formula: a table of a state and what it makes of it, with a smooth curve through it.
+"""A law without a formula: a table of states and values, with a smooth curve through it.
 
 In each interval of the table, of width h and slope d, with t = clip((s - s_j) / h, 0, 1),
 

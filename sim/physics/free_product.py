@@ -1,4 +1,4 @@
-"""A force of no formula that is a law of one state times one of another, two tables.
+"""A force without a formula: a law of one state times a factor that depends on another.
 
     f = f(a) g(b)
 

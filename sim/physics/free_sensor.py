@@ -1,4 +1,4 @@
-"""What a sensor reads, of no formula: q + f(q), a table of its error (`free_law.py`).
+"""A sensor's error without a formula: the reading is q + f(q), a table (`free_law.py`).
 
 As a calibration against a better sensor gives it.
 """

@@ -1,4 +1,4 @@
-"""A force of no formula over one state that another state shifts along it, two tables.
+"""A force without a formula: a law of one state, shifted by a law of another.
 
     f = f(a + g(b))
 

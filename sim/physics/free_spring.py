@@ -1,4 +1,4 @@
-"""A force of no formula over a position, or over the deflection of a link: a spring as measured.
+"""A force without a formula over a position, or over the deflection of a link.
 
     f = f(q),    a table with a smooth curve through it (`free_law.py`).
 

@@ -1,4 +1,4 @@
-"""Dry friction in proportion to what the drive carries, as a gear's: |f| <= ratio |a|.
+"""Dry friction proportional to the load of the drive, as in a gear: |f| <= ratio |a|.
 
 a: the drive's force at m1, which is the held command or, with a `position_servo`, the force that
 its loop asks for within its `servo_limit`, less the back-EMF (an `open_winding` has none while the

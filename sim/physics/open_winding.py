@@ -1,4 +1,4 @@
-"""A drive that is off does not brake: f = b v while it is off, which undoes so much of a damper.
+"""A drive that is off does not brake: f = b v while it is off, which cancels a part of a damper.
 
 A motor whose winding is shorted while its drive is off still brakes by its back-EMF, as a damper of
 k_t k_e / R at its shaft; one whose bridge opens turns freely except for its gear. The device's

@@ -1,4 +1,4 @@
-"""A command that changes no faster than so much a second, as a slew-limited amplifier.
+"""A command with a limited rate of change, such as of a slew-limited amplifier.
 
     u_k = u_(k-1) + clip(a_k - u_(k-1), -rate T, rate T)
 

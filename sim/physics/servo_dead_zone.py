@@ -1,4 +1,4 @@
-"""A servo that does nothing close to its goal: f = -clip(k (goal - q), -k half, k half).
+"""A servo without force close to its goal: f = -clip(k (goal - q), -k half, k half).
 
 half: of the zone, to each side; k: the stiffness of the `position_servo`, whose force is then k
 (goal - q -+ half) outside. Play in series with a spring whose other end is moved is the same law.

@@ -1,4 +1,4 @@
-"""A servo gives no more than its limit: f = s clip(a, -limit, limit) - a of what its loop asks, a.
+"""A servo with a largest force: f = s clip(a, -limit, limit) - a, where its loop asks for a.
 
 a = command - stiffness q - damping v of the `position_servo`; without one, a is the held command. s
 is the share of the drive's force that acts: 1 unless a recording states it (0 if it was off, the

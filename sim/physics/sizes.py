@@ -1,4 +1,4 @@
-"""What a recording moves by: what an effect sizes its starts, its sweep and its bounds with."""
+"""Typical amplitudes of a recording, from which an effect sizes its starts, sweep and bounds."""
 
 import math
 from collections.abc import Iterator

@@ -27,9 +27,9 @@ TEXT = 9  # points
 def plan_figure(plan: Plan, title: str) -> Figure:
     """Return limits as shares of what the experiment moves by; below them what looks alike.
 
-    A row an effect, with a dot for each of its places. Limits of friction, play and mass have no
-    common unit, so the axis is the share of what would be all of it (a friction as large as the
-    command), and the value itself stands beside the dots.
+    Each effect has a row, with a dot for each of its places. Limits of friction, play and mass have
+    no common unit, so the axis is a share of the largest conceivable value (a friction as large as
+    the command), and the value itself is written beside the dots.
     """
     groups: dict[str, list[Visible]] = {}
     for visible in plan.visible:

@@ -1,8 +1,8 @@
 """A log that grows, in a file or out of a pipe, as far as it is whole: `Growing`.
 
-Readers read files, and whole ones. So what has come is copied to a file of the same name in a
-folder of its own, of a text table only as far as its last line is complete, of an MCAP file as it
-is, for its reader leaves out a record that is not complete.
+Readers read complete files. So the data so far are copied to a file of the same name in a folder of
+its own: of a text table up to its last complete line, of an MCAP file as it is, since its reader
+leaves out an incomplete record.
 """
 
 import os
