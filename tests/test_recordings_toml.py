@@ -121,7 +121,7 @@ def kind_of(table: str) -> str:
         ("file = ", "this is not TOML"),
         (HEAD + TIME, "describes no signal"),
         (TIME + INPUT, "file is missing"),
-        (HEAD + INPUT, "neither period_s nor time"),
+        (HEAD + INPUT, "period_s or time is missing"),
         (HEAD + TIME + "period_s = 0.001\n" + INPUT, "both period_s and time"),
         (HEAD + "period_s = 0\n" + INPUT, "period_s is 0; allowed is a number above 0"),
         (HEAD + "perod_s = 0.001\n" + INPUT, "did you mean 'period_s'?"),
@@ -172,7 +172,7 @@ def kind_of(table: str) -> str:
             (HEAD + TIME + OUTPUT + f"wraps_at = {wrong}\n", f"wraps_at is {said}; allowed is a")
             for wrong, said in (("0", "0"), ("nan", "nan"), ("inf", "inf"), ('"x"', "'x'"))
         ],
-        (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "farther than its wraps_at = 1e-09 allows"),
+        (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "more than its wraps_at = 1e-09 allows"),
     ],
 )
 def test_errors_say_what_to_change(tmp_path: Path, toml: str, words: str) -> None:
