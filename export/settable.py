@@ -1,4 +1,4 @@
-"""Numbers of a device that its translated tick reads from its state, so that a run may set them.
+"""Numbers of a device that an exported tick reads from its state, so that a run may set them.
 
 A law's own parameters and the numbers of the interface are not in any propagator, so a tick with
 `s->p[k]` in their place has the same bits as one with the numbers themselves. Masses, springs and

@@ -51,12 +51,12 @@ UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing o
 class Quick:
     """What the quick fit of a recording says, in SI.
 
-    x (p,): of the model; values, errors (q,): of the reported parameters, errors infinite where it
-    says nothing; covariance (q, q). noise: deviation of the innovations of the first output; free:
-    rms error of free runs of half a second over the motion; swing: rms motion; held: longest time
-    that a reading stands still under a command that does not, over the whole. drawn (2, points):
-    the first output as measured and as it runs freely. remarks: what is odd
-    about the recording. problem: why there is no fit; "" where there is one.
+    x (p,): of the model; values, errors (q,): of the reported parameters, with infinite errors for
+    undetermined ones; covariance (q, q). noise: deviation of the innovations of the first output;
+    free: rms error of free runs of half a second over the motion; swing: rms motion; held: longest
+    time that a reading is constant while the command is not, over the whole. drawn (2, points): the
+    first output as measured and in a free run. remarks: facts about the recording. problem: why
+    there is no fit; "" if there is one.
     """
 
     name: str

@@ -66,7 +66,7 @@ class SpeedLoop:
 
 
 def first_loop(motions: Sequence[Motion]) -> FirstLoop:
-    """Return the loop that recordings of goals and positions ask for.
+    """Return the loop that recordings of goals and positions show.
 
     Raises RecordingError where they are too short, or have neither position nor velocity of m1.
     """

@@ -165,7 +165,7 @@ class Check(Shown):
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, and '{self.device}' still is: the machine is as it was, and the model or"
+                f"{head}, but '{self.device}' still does: the machine is as it was, and the model or"
                 " its simulator changed"
             )
         if not self.changed:
@@ -212,7 +212,7 @@ def check(
     simulate: Simulate | None = None,
     simulator: str = "",
 ) -> Check:
-    """Return whether a device is still true of recordings, each with its stretches.
+    """Return whether a device still describes recordings, each with its stretches.
 
     simulate: runs another simulator over a stretch, and simulator names it. Raises ValueError where
     the device has no band, where its outputs are not those of a recording, where a recording does

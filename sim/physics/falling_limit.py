@@ -105,6 +105,6 @@ falling_limit = Effect(
 
 @part
 def beyond_falling_limit(w, q, v, s, p):
-    """What the limit takes from the force of the drive, at strength s of it."""
+    """The reduction of the drive's force by the limit, at strength s of the drive."""
     a = s * least(greatest(asked(w, q, v, p, 2), -p[5]), p[5])
     return least(greatest(a, -p[0] - p[1] * v), p[0] - p[1] * v) - a

@@ -67,7 +67,7 @@ def _visited(s: Floats, seen: Floats) -> NDArray[np.bool_]:
 
 
 def _turned(law: LearnedLaw, states: Floats) -> Floats:
-    """States within one turn of a law that repeats, as they are of another."""
+    """States within one turn of a periodic law; other states as they are."""
     period, first = law.curve.period, float(law.curve.states[0])
     return states if period == 0.0 else first + np.mod(states - first, period)
 
