@@ -165,8 +165,8 @@ class Check(Shown):
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, but '{self.device}' still does: the machine is as it was, and the model or"
-                " its simulator changed"
+                f"{head}, but '{self.device}' still does: the machine is as it was, but the model"
+                " or its simulator changed"
             )
         if not self.changed:
             return f"{head}: no change of its own parameters explains it; --diagnose searches"
