@@ -15,7 +15,7 @@ from zwidth.sim.wall_law import MEMORY, guarded_push
 
 
 def guarded_step(k, t, y, v, p, m):  # pyright: ignore
-    """Push back as a wall, and by damping where the wall would give energy."""
+    """Push back like a wall, with added damping where the wall would otherwise generate energy."""
     return -guarded_push(p, k, t, y, v, m)
 
 

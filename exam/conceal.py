@@ -76,7 +76,7 @@ def conceal(
 
 
 def _refuse_others(folder: Path, asked: Sequence[Order]) -> None:
-    """Keep beside the keys what they were made by, and mix nothing with it."""
+    """Keep the settings beside the keys, and refuse a folder with other ones."""
     text = "".join(f"{o.name} {o.stratum} {o.seed} {o.rank} {o.seconds}\n" for o in asked)
     listed = made_file(folder)
     if not listed.exists():

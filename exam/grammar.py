@@ -1,4 +1,4 @@
-"""Laws that no part of the project knows by name, drawn from a grammar.
+"""Random laws from a grammar, which no part of the project knows by name.
 
     law      A f(u) | A f(u) g(w) | A f(u + depth g(w))
     f, g     odd, even and one-sided powers, tanh, sine, bump, straight pieces between random knots

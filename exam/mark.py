@@ -28,7 +28,7 @@ ANGLES = ("phase", "angle")
 
 @dataclass(frozen=True)
 class Marked:
-    """One concealed effect: does it stand apart, was it named first or at all, or in the class.
+    """One concealed effect: whether it is distinct, and was named first, at all, or in a class.
 
     inside: parameter -> whether its 95 % interval contains the truth, if it was found; errors:
     parameter -> relative error of its value.

@@ -1,4 +1,4 @@
-"""Subjects with a law of no name: on rigs at full size, or on devices as at the limit.
+"""Subjects with a law without a name: on rigs at full size, or on devices at the limit.
 
 A rig may also have effects of the library. The law is drawn for each rig (`grammar`), with 5 to 30
 % of the driving force, and is as clear as any effect of a rig.

@@ -35,7 +35,7 @@ WORTH = 0.02  # perfect knowledge must improve the fit by this share, or none ca
 
 @dataclass(frozen=True)
 class HeldOut:
-    """rms errors of free runs [rad | m], or of the first output's own unit."""
+    """Rms errors of free runs [rad | m], or in the first output's own unit."""
 
     before: float
     refit: float

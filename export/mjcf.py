@@ -166,7 +166,7 @@ def _lag(joints: Joints) -> float:
 
 
 def _winding(joints: Joints) -> float:
-    """Return the damping of m1 that is that of a winding, 0 where none is told or m1 has less."""
+    """Return the winding's part of the damping of m1, 0 if it is unknown or m1 has less."""
     told = (p.values["damping"] for p in joints.others if p.effect.name == "open_winding")
     damping = next(told, 0.0)
     return damping if 0.0 < damping <= float(joints.dampers[0]) else 0.0

@@ -1,4 +1,4 @@
-"""What an export is: a text, and what it does not hold; and how much of a motion that costs."""
+"""An export: its text, what it does not contain, and how large an error that causes."""
 
 from dataclasses import dataclass
 

@@ -235,7 +235,7 @@ def _beside(
     odd: Mapping[int, Odd],
     changed: Sequence[Change],
 ) -> dict[int, Odd]:
-    """What is odd beside what changed: asked again with the changes taken off."""
+    """The odd recordings besides those explained by changes, which are removed first."""
     if not changed:
         return dict(odd)
     values = np.column_stack([every.unchanged(k, n, changed) for k, n in enumerate(names)])

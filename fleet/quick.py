@@ -212,7 +212,7 @@ def held(e: Experiment) -> float:
 
 
 def _sets_out(reading: Floats, stretch: slice) -> bool:
-    """Whether a reading moves on after a standstill by no more than in what follows, or usually."""
+    """Whether a reading resumes after a standstill by no more than afterwards, or than usual."""
     steps = np.abs(np.diff(reading[stretch.stop - 1 : stretch.stop + STARTS]))
     usual = float(np.sqrt(np.mean(np.diff(reading) ** 2)))
     return steps.size > 1 and float(steps[0]) <= JUMPS * max(usual, float(steps[1:].max()))

@@ -174,7 +174,7 @@ def explained(question: Question) -> Reason:
 def _without_drive(
     e: Experiment, model: Model, start: Floats, ways: Sequence[_Way]
 ) -> Reason | None:
-    """A drive that was off, unless free runs of another reading of the recording err less."""
+    """A drive that was off, unless another reading of the recording has smaller free-run errors."""
     try:
         off = switched_off(e, model, start)
     except (NoObserver, ValueError):
@@ -367,7 +367,7 @@ def _reading_late(e: Experiment, model: Model, start: Floats) -> _Way | None:
 
 
 def _jump(e: Experiment, model: Model, start: Floats) -> _Way | None:
-    """The reading without its most sudden jump, of a size that is fitted."""
+    """The reading without its largest jump, whose size is fitted."""
     position = next((k for k, o in enumerate(e.outputs) if o.tells_position), None)
     if position is None:
         return None

@@ -86,7 +86,7 @@ class FirstDevice:
 
 
 def first_device(motions: Sequence[Motion]) -> FirstDevice:
-    """Return the chain that recordings of one device ask for.
+    """Return the chain that recordings of one device show.
 
     Raises RecordingError where they are too short or do not move.
     """

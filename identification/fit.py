@@ -125,7 +125,7 @@ def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) ->
 
 
 def _least_change(fit: Fit) -> float:
-    """Return by how much the mode that does least changes the response, where it does most.
+    """Return the largest change of the response by the least important mode.
 
     A mode is the factor (w/v)^2 (s^2 + d s + v^2) / (s^2 + c s + w^2) of G.
     """

@@ -530,7 +530,7 @@ class _Reader:
         return [n for n in known if n in same or n in others] if same or others else known
 
     def _speed_beside(self, position: str) -> dict[str, str]:
-        """Return the speed that was measured beside a position, if it says more than that does."""
+        """Return the speed that was measured beside a position, if it adds information."""
         signals, found = self.source.signals, dict[str, str]()
         for name in self._with_joint_of(position, self._motions("velocity")):
             seen = speed_of(signals[position], signals[name], self.t)
@@ -685,7 +685,7 @@ class _Reader:
         return chosen == "turns"
 
     def _alike(self, command: str, told: Mapping[str, Channel], rotary: bool) -> dict[str, Channel]:
-        """Return the channels, a position in counts as its goal in counts can say it, too."""
+        """Return the channels; a position in counts may take the scale of its goal in counts."""
         key, motion = next(iter(told.items()))
         unit = _unit(self.source.signals[command])
         if not (motion.unit and _is_counts(motion.unit)) or (unit and unit.si != COUNTS):
@@ -823,7 +823,7 @@ def _unit(signal: Signal) -> Unit | None:
 
 
 def _usual(period: float) -> float:
-    """Return the period [s] of the usual rate that a period is near to, 0 where none is."""
+    """Return the period [s] of a usual rate near a given period, 0 if there is none."""
     if not 1e-6 < period < 1e3:
         return 0.0
     decade = 10.0 ** math.floor(math.log10(1.0 / period) + NEAR)

@@ -74,7 +74,7 @@ def _known() -> dict[str, tuple[str, bool]]:
 
 @cache
 def side_words(side: Literal["near", "far"]) -> frozenset[str]:
-    """Return the words for the side of a device that is driven, or for the other."""
+    """Return the words for the driven side of a device, or for the other side."""
     return frozenset(vocabulary()["side"][side])
 
 

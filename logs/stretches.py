@@ -32,7 +32,7 @@ MOST_BRIDGED = 0.5  # share of the samples
 
 
 def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return the samples at which all these channels have a finite value, and what lacks.
+    """Return the samples at which all these channels have a finite value, and a note on the others.
 
     The sentence counts the samples taken out, names the channels, and is "" where there are none.
     """
@@ -76,7 +76,7 @@ class Bridged(NamedTuple):
 
 
 def bridged(kept: Trace, whole: Trace, channels: Sequence[str], period: float) -> Bridged:
-    """Return a trace without samples that lack with ticks put into gaps of `LONGEST_BRIDGED`.
+    """Return a trace without missing samples, with ticks inserted in gaps of `LONGEST_BRIDGED`.
 
     kept: of `without_gaps`, perhaps put right since. whole: before that, whose rows may know a
     command where nothing was measured. channels: what is computed on; period [s].

@@ -60,7 +60,7 @@ def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace,
 
 
 def _wraps(values: Floats) -> tuple[NDArray[np.int64], float] | None:
-    """Where a position starts anew, the sample before, and M; None where it does not."""
+    """The samples before which a position wraps, and M; None if it does not."""
     steps, span = np.diff(values), float(np.ptp(values))
     at = np.flatnonzero(np.abs(steps) > FAR * span)
     if at.size == 0:

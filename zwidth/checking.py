@@ -397,7 +397,7 @@ def _explained(band: Band, found: Windows, before: Floats) -> bool:
 
 
 def _nominal(h: Hypothesis, model: Model) -> Floats:
-    """Where the device file is in the x of a fit, whose effects may have begun elsewhere since."""
+    """The x of a fit for the device file, whose effects may have started elsewhere since."""
     x = np.zeros(h.x.size)
     for i, (p, first) in enumerate(zip(h.model.parameters, model.parameters, strict=True)):
         if p.kind == "effect":

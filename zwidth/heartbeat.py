@@ -16,7 +16,7 @@ LONGEST = 60  # characters of what is being done
 
 
 class Heartbeat:
-    """What was said last, and when. Of one process there is one, `HEART`."""
+    """The last message, and its time. There is one for each process, `HEART`."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

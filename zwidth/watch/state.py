@@ -21,7 +21,7 @@ OPEN_END = "the log was not closed"  # of a log that is being written that is no
 
 @dataclass(frozen=True)
 class Read:
-    """What a log holds so far. said: what it was taken for; warnings: what is odd about its file.
+    """The content of a log so far. said: how it was read; warnings: faults of its file.
 
     wanting: why nothing can be read yet, "" where something can; trace: None there.
     """
