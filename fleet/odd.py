@@ -11,7 +11,7 @@ and t the quantile of Student's t that one of all tests exceeds by chance with p
 The same test is made within each device, about its own median, if it was recorded three times. A
 recording fits badly if its noise, or the error of its free runs, is equally far from the others'.
 It also fits badly if free runs err more than it moves, and others' do not: then nothing in it is
-explained, and its own parameters, whose errors are large, do not show this.
+explained, and its parameters do not show this, because their errors are large.
 
 Limits: most of a fleet must be sound. In a device of three recordings one can be found odd, in one
 of two none.

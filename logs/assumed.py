@@ -145,7 +145,7 @@ class Joints:
 def joints_of(source: Source) -> Joints:
     """Return the joints whose motion a file holds.
 
-    Raises RecordingError where fewer than two move, as in a file of one device.
+    Raises RecordingError if fewer than two move, as in a file of one device.
     """
     with np.errstate(all="ignore"):
         return _Reader(source, source.path.name, None, None, {}).joints()

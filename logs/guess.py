@@ -205,7 +205,7 @@ def time_signal(source: Source) -> Signal | None:
 
 
 def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
-    """Return the signal that seems to be time, and why others of that name are none."""
+    """Return the signal that seems to be time, and why other signals named so are not."""
     rows = row_count(source)
     refused: list[str] = []
     for signal in source.signals.values():

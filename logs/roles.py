@@ -33,7 +33,7 @@ FIRST = {"torque": 0, "input": 1, "current": 2, "voltage": 3, "duty": 4}
 
 
 def differing(names: Mapping[str, Naming]) -> dict[str, tuple[str, ...]]:
-    """Return by which words each of several names differs from the others: its joint."""
+    """Return the words by which each of several names differs from the others: its joint."""
     sets = [set(one.joint) for one in names.values()]
     common = set.intersection(*sets) if sets else set[str]()
     return {key: tuple(w for w in one.joint if w not in common) for key, one in names.items()}

@@ -275,7 +275,7 @@ def _motion(one: Happened, h: Hypothesis) -> tuple[Floats, float]:
 
 
 def _means(ticks: int, over: int) -> Floats:
-    """Rows (means, ticks) that take the mean of a force over so many ticks, at each of them."""
+    """Rows (means, ticks) that average a force over so many ticks, one for each start."""
     over = min(over, ticks)
     return np.array([np.roll(np.arange(ticks) < over, k) for k in range(ticks - over + 1)]) / over
 

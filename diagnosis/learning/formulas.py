@@ -286,7 +286,7 @@ def formulas(
 def _fitted(
     form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
 ) -> Formula | None:
-    """A form at its nearest to a law; None if it has as many numbers as the law has points."""
+    """A form at its nearest to a law; None if the law has too few points for its numbers."""
     count = len(form.factors) + (len(form.shape) if period == 0.0 else 0)
     if states.size <= count:
         return None

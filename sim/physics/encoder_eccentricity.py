@@ -69,7 +69,7 @@ def _forbidden(values: Values) -> str:
 
 
 def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float) -> Values:
-    """A tenth of the share, of the rms travel."""
+    """A tenth of the share of the rms travel."""
     return _drawn(random, z, place) | {"amplitude": 0.1 * share * z.position}
 
 

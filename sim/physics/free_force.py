@@ -220,7 +220,7 @@ def _forces(table: ArrayLike, rows: int, width: int, alone: bool) -> Floats:
 
 
 def grid_of(values: Mapping[str, float]) -> Grid:
-    """Return a force of no formula by its parameters: what `grid_values` was given."""
+    """Return the arguments of `grid_values` from the parameters of such a force."""
     over = states_over(values)
     alone = len(over) == 1
     rows, columns = (

@@ -47,7 +47,7 @@ class Read:
 def read(spool: Path, description: Description | None) -> Read:
     """Return what the copy of a log holds; description: of a recording TOML, where one is given.
 
-    Raises LogError for what more samples do not mend.
+    Raises LogError for an error that more samples cannot correct.
     """
     if not spool.exists():
         return Read(wanting="nothing has come yet")
