@@ -172,7 +172,7 @@ DESIRED = re.compile(r"(?P<of>d?q|tau_j)_d(?P<joint>\W?\d+\W?)")
 
 
 def _of_desired(own: Mapping[str, str]) -> dict[str, Naming]:
-    """Return the goals of libfranka, "q_d[2]" beside "q[2]" and "dq[2]": else it may be a speed."""
+    """Return libfranka's goals, "q_d[2]" beside "q[2]" and "dq[2]"; alone it may be a speed."""
     quantities = {"q": "position", "dq": "velocity", "tau_j": "torque"}
     found: dict[str, Naming] = {}
     for name in own:

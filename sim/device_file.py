@@ -263,7 +263,7 @@ def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]
 
 
 def _tables_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
-    """What the keys of a law of two tables are, by its states."""
+    """The meaning of the keys of a law of two tables, by its states."""
     over = two_tables_of(physics.values).over
     shift = f"[{state_unit(over[0], rotary)}] what is added to the {over[0]}"
     does = "what it is taken times" if physics.effect is free_product else shift

@@ -167,7 +167,7 @@ def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) ->
 def all_said(
     every: Sequence[Experiment], best: Hypothesis, known: Sequence[Happened]
 ) -> tuple[Event, ...]:
-    """Return known events of whole recordings as an answer says them; best: fitted beside them."""
+    """Return known events of whole recordings in the form of the answer; best: fitted with them."""
     if not known:
         return ()
     h = judged(with_events(every, known), best.model, best.x)

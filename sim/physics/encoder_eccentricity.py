@@ -63,7 +63,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 
 
 def _forbidden(values: Values) -> str:
-    """So far off centre an encoder would count backwards."""
+    """An encoder that is farther off centre would count backwards."""
     backwards = 2.0 * math.pi * abs(values["amplitude"]) > values["period"]
     return "amplitude" if backwards else ""
 
