@@ -1,7 +1,7 @@
 """A virtual wall with a passivity observer and a passivity controller (`sim/wall_law.py`).
 
-m[1] is the observer's energy [J]. With no delay and nothing of the amplifier in between it is, to
-rounding, the energy that the ledger's `wall` says the command has taken out of the device.
+m[1] is the observer's energy [J]. Without delay, and with nothing of the amplifier in between, it
+equals, to rounding, the energy that the command has taken out of the device (`wall` in the ledger).
 """
 
 from functools import cache
@@ -15,7 +15,7 @@ from zwidth.sim.wall_law import MEMORY, guarded_push
 
 
 def guarded_step(k, t, y, v, p, m):  # pyright: ignore
-    """Push back as a wall, and by damping where the wall would give energy."""
+    """Push back like a wall, with added damping where the wall would otherwise generate energy."""
     return -guarded_push(p, k, t, y, v, m)
 
 

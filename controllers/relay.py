@@ -1,8 +1,8 @@
 """The relay of Fig. 9: an on-off force against the position, plus virtual damping.
 
-u = -(D sign(y) + B v), sign(0) = the side it was on before. Both parts go through the loop's delay.
-m[1] keeps the relay's side, so that the square wave can be told from the damping: m[0] logs the
-relay's own force over D (+1 or -1).
+u = -(D sign(y) + B v), where sign(0) is the previous side. Both parts go through the loop's delay.
+m[1] keeps the relay's side, so that the square wave can be separated from the damping: m[0] logs
+the relay's own force over D (+1 or -1).
 """
 
 from functools import cache

@@ -1,7 +1,7 @@
 """The virtual wall: a spring K and a damper B on the measured position.
 
 Two-sided: u = -(K (y - x_w) + B v) everywhere. One-sided: the wall fills y > x_w, acts only there,
-and pulls never: u = -max(0, K (y - x_w) + B v) inside, 0 outside.
+and never pulls: u = -max(0, K (y - x_w) + B v) inside, 0 outside.
 """
 
 from functools import cache

@@ -5,8 +5,9 @@
             with reason("slopes"):
                 ...                 # each call of the kernel in here is booked on both
 
-A simulation is one device along all that was fitted: member-ticks over `ticks`. Counts are the same
-on every machine, so they may be asserted; CPU seconds are of the kernel alone and are not.
+A simulation counts as one device over all recordings of the fit: member-ticks divided by `ticks`.
+Counts are the same on every machine, so tests may assert them. CPU seconds are those of the kernel
+alone and depend on the machine.
 """
 
 import threading
@@ -41,7 +42,7 @@ class Account:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def book(self, members: int, ticks: int, seconds: float) -> None:
-        """Book a call of the kernel on the stage and the reason at hand."""
+        """Book a call of the kernel on the current stage and reason."""
         with self._lock:
             entry = self.entries.setdefault((_STAGE.get(), _REASON.get()), Entry())
             entry.calls += 1
@@ -64,7 +65,7 @@ class Account:
         return self.total.member_ticks / max(1, self.ticks)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the entries, the dearest first."""
+        """Yield the entries, the most expensive first."""
         for (at, why), e in sorted(self.entries.items(), key=lambda i: -i[1].member_ticks):
             yield {
                 "stage": at,
@@ -90,7 +91,7 @@ class Account:
 
 
 def counts(cost: dict[str, Any]) -> dict[str, Any]:
-    """Return an account's JSON without its seconds: what is the same whenever it is asked."""
+    """Return an account's JSON without its seconds: the part that is the same on every run."""
     found = {k: v for k, v in cost.items() if k not in ("kernel_cpu_s", "stages_cpu_s", "by")}
     rows = ({k: v for k, v in row.items() if k != "kernel_cpu_s"} for row in cost.get("by", ()))
     return {**found, "by": list(rows)} if found else {}
@@ -103,7 +104,7 @@ _REASON: ContextVar[str] = ContextVar("reason", default="other")
 
 @contextmanager
 def keeping() -> Generator[Account]:
-    """Keep an account of what is simulated in the block; inside another, that one goes on."""
+    """Keep an account of the simulations in the block; inside another, the outer one continues."""
     outer = _ACCOUNT.get()
     if outer is not None:
         yield outer
@@ -119,7 +120,7 @@ def keeping() -> Generator[Account]:
 
 @contextmanager
 def stage(name: str) -> Generator[None]:
-    """Book what the block asks for on a stage; its CPU seconds, of all threads, too."""
+    """Book what the block simulates on a stage, with its CPU seconds of all threads."""
     token, begun = _STAGE.set(name), time.process_time()
     try:
         yield
@@ -133,7 +134,7 @@ def stage(name: str) -> Generator[None]:
 
 @contextmanager
 def reason(name: str) -> Generator[None]:
-    """Book what the block asks for on a reason."""
+    """Book what the block simulates on a reason."""
     token = _REASON.set(name)
     try:
         yield

@@ -27,11 +27,12 @@ def diagnose(
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device.
 
-    validate: recordings to judge by; without them the last 30 % of each recording are kept for it
-    and opened once, at the end: to judge, and where a force of no name is left in them, to name it,
-    which a fault then says. An unexpected error costs what it concerns alone (`Diagnosis.errors`).
-    effort: how much the search may try. Raises ExperimentError with one sentence where the
-    recordings are no use with this device, and NotDiagnosed where an error leaves nothing to say.
+    validate: recordings to judge by. Without them the last 30 % of each recording are kept for this
+    and opened once, at the end: to judge the answer, and, if a force without a name is left in
+    them, to name it, which a fault then says. An unexpected error loses only the part it occurs in
+    (`Diagnosis.errors`). effort: how much the search may try. Raises ExperimentError with one
+    sentence if the recordings cannot be used with this device, and NotDiagnosed if an error
+    prevents any answer.
     """
     with collecting(say) as mishaps, keeping() as account:
         with stage("reading the recordings"):
@@ -53,7 +54,7 @@ def diagnose(
 
 
 def _sought(taken: Taken, search: Searches) -> Searched:
-    """What a search of the recordings finds; without a refit there is nothing to say."""
+    """The result of searching the recordings; without a refit there is no answer."""
     try:
         return search(taken.fit_on)
     except NoObserver as error:

@@ -1,16 +1,16 @@
 """Limits an internal error to one candidate, recording or picture; the rest continues.
 
-A diagnosis works for minutes, and what it has found must not be lost to a mistake in what comes
-after. So whatever can be spared runs inside `isolated`, which says in which stage it is and what of
-it is lost if it fails:
+A diagnosis takes minutes, and an error in a later step must not lose the earlier results. So
+everything that can be spared runs inside `isolated`, which names the stage and what is lost if it
+fails:
 
     with isolated("separation", "coulomb_friction at m1"):
         ...
 
-An error in there is named in one line and kept for report and JSON by the nearest `collecting`, and
-what follows goes on. Without `collecting` around it, and with ZWIDTH_DEBUG=1, errors go through. An
-interruption (KeyboardInterrupt) always does. What a model says by an exception (`NoObserver`) is
-caught where it is asked, and never comes so far.
+An error in there is reported in one line and kept for report and JSON by the nearest `collecting`,
+and the next step continues. Without `collecting`, or with ZWIDTH_DEBUG=1, errors propagate. An
+interruption (KeyboardInterrupt) always does. `NoObserver`, by which a model reports a state of
+affairs, is caught where it is expected and never comes this far.
 """
 
 import os
@@ -25,12 +25,12 @@ Say = Callable[[str], None]
 
 
 def silent(_: str) -> None:
-    """Say nothing."""
+    """Report nothing."""
 
 
 @dataclass(frozen=True)
 class Mishap:
-    """An error that cost `what`, a part of a stage ("" for all of it); error: its kind and text.
+    """An error that lost `what`, a part of a stage ("" for all of it); error: its kind and text.
 
     cause: the error itself.
     """
@@ -51,21 +51,21 @@ class Mishap:
 
 
 class Mishaps:
-    """The errors of one piece of work, in the order in which they came."""
+    """The errors of one piece of work, in order."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
         self.found: list[Mishap] = []
 
     def add(self, stage: str, what: str, error: BaseException) -> None:
-        """Keep an error and name it; the same one again, as of a second try, is not said twice."""
+        """Keep an error and report it; a repetition, as of a second try, is not reported again."""
         known = len(self.found)
         mishap = self.keep(stage, what, error)
         if len(self.found) > known:
             self.say(mishap.sentence)
 
     def keep(self, stage: str, what: str, error: BaseException) -> Mishap:
-        """Keep an error, once, without a word, and return it."""
+        """Keep an error, once, without reporting it, and return it."""
         text = " ".join(str(error).split())
         kind = type(error).__name__
         mishap = Mishap(stage, what, f"{kind}: {text}" if text else kind, error)
@@ -83,9 +83,9 @@ _COLLECTOR: ContextVar[Mishaps | None] = ContextVar("collector", default=None)
 
 @contextmanager
 def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
-    """Have `isolated` keep its errors; inside another `collecting`, that one goes on to.
+    """Collect the errors of `isolated`; inside another `collecting`, the outer one continues.
 
-    say: is given one line an error.
+    say: receives one line per error.
     """
     outer = _COLLECTOR.get()
     if outer is not None:
@@ -101,12 +101,12 @@ def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
 
 
 def debugging() -> bool:
-    """Whether errors are to go through, so that their traceback shows."""
+    """Whether errors propagate, so that their traceback shows."""
     return os.environ.get("ZWIDTH_DEBUG") == "1"
 
 
 def attempt(stage: str, what: str, task: Callable[[], Result]) -> Result | None:
-    """Return what a task gives, None where an error cost it (`isolated`)."""
+    """Return the result of a task, None if an error lost it (`isolated`)."""
     with isolated(stage, what):
         return task()
     return None
@@ -114,7 +114,7 @@ def attempt(stage: str, what: str, task: Callable[[], Result]) -> Result | None:
 
 @contextmanager
 def isolated(stage: str, what: str = "") -> Generator[None]:
-    """Let an error in the block cost the block alone, if anybody collects errors."""
+    """Limit an error in the block to the block, if anybody collects errors."""
     try:
         yield
     except Exception as error:

@@ -148,11 +148,13 @@ def cell(device: Device, to: str) -> str:
 def page() -> str:
     """Return the page."""
     moves = motion(base())
-    rows = ["| effect | C | FMU | MJCF | URDF | SDF |", "|---|---|---|---|---|---|"]
+    rows = ["| effect | C, FMU | MJCF | URDF | SDF |", "|---|---|---|---|---|"]
     chosen = {"none": base()} | {name: with_effect(name, moves) for name in LIBRARY}
     for name, device in chosen.items():
-        cells = " | ".join(cell(device, to) for to in MAKERS)
-        rows.append(f"| {name} | {cells} |")
+        one, *others = (cell(device, to) for to in MAKERS)
+        if others[0] != one:
+            one += f", {others[0]}"
+        rows.append(f"| {name} | {' | '.join((one, *others[1:]))} |")
         print(rows[-1])
     return TEXT.replace("[[table]]", "\n".join(rows)).replace("[[seconds]]", f"{SECONDS:g}")
 
@@ -191,6 +193,16 @@ difference is given relative to the rms of the motion.
 
 MJCF, URDF and SDF hold no steps of encoder and amplifier. For a tool that reads Modelica, use
 the FMU.
+
+## Draws for training
+
+    zwidth export runs/mine.augmented.toml --to mjcf --out mine.xml --randomise 1000 --seed 1
+
+also writes `mine.draws.json`, for MJCF, URDF and SDF. Under `fields`, the names of the elements,
+as `joint/m1/frictionloss`, each with 1000 values: take the k-th of all fields together. Draws
+are joint: the `[posterior]` that a diagnosis writes into the device file has standard deviations
+and correlations of masses, friction and gains. Without it draws are independent, by
+`[uncertainty]`, and the command says so.
 
 ## What survives where
 

@@ -204,7 +204,7 @@ damping within 5 % (`tests/test_hands.py`).
 
 Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
 delay it costs stiffness. It ends at G = 1 + M/m_h, with the masses M before and m_h behind the
-sensor: from there on a command raises itself through the force that it causes (within 10 %,
+sensor: beyond that, a command is amplified by the force that it causes (within 10 %,
 `tests/test_force_sensor.py`). With t = T/2 + t_d and t_F = T + t_d, since the force of a held
 command is that of the middle of its period,
 
@@ -267,11 +267,7 @@ and every rig: [paddle_prediction.json](haptics/paddle_prediction.json).
   position stand between that and what acts.
 - The force sensor has no noise and measures the link's own spring and damper.
 - Only delay and damper are compared with a published measurement; filters, two rates, passivity
-  controller, texture and hands with closed forms alone. No published numbers were found to do
-  more: Chawda et al. and Koul et al. could be read in part, without their devices' numbers; the
-  sixteen measured Z-widths of Brown's thesis (Northwestern 1995) are pictures; Choi and Tan (IROS
-  2004) report that a texture's stiffness may grow from 0.325 to 0.904 N/mm between 250 Hz and 40
-  kHz, without the device.
+  controller, texture and hands with closed forms alone, since no published numbers were found.
 """
 
 

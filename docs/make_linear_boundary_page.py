@@ -25,6 +25,7 @@ from zwidth.files.whole import write_text, write_with
 from zwidth.sim.device_file import load_device
 from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
+from zwidth.sim.readable import plain
 from zwidth.stability.fate_map import FateMap, make_map
 from zwidth.stability.fates import evaluate
 from zwidth.stability.judging import Trial
@@ -68,7 +69,7 @@ def named(key: Key) -> str:
     """Return what is special about a panel."""
     step, limit, level = key
     words = [
-        f"step {step:g} rad" if step else "",
+        f"step {plain(step)} rad" if step else "",
         f"limit {limit:g} N m" if limit < math.inf else "",
         f"friction {1e3 * level:g} mN m" if level else "",
     ]
@@ -270,8 +271,8 @@ run that friction stops never reaches it.
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
 **Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
-changes the command by K times 1e-5 rad, at most 0.5 mN m here, and more than half of that in
-friction is enough.
+changes the command by K times 1e-5 rad, at most 0.5 mN m here, and
+friction of more than half of that is enough.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 

@@ -157,8 +157,8 @@ def _effect_page(effect: Effect) -> str:
             f"| `table` | rows of [{state}], [{made}] | 2 to {KNOTS} points, the states rising |\n"
             "| `odd` | true or false | whether f(-s) = -f(s): the table is of the absolute value,"
             " from [0, 0] on |\n"
-            f"| `period` | {state} | of a law that repeats: the table is of one turn, and its"
-            " first point follows its last; left out for none |\n"
+            f"| `period` | {state} | period of a periodic law, of which the table covers one;"
+            " omitted for other laws |\n"
         )
     elif grid is not None:
         parts.append(

@@ -1,7 +1,7 @@
 """Whether probabilities mean what they say: of what is said with 0.9, nine in ten should be so.
 
-The expected calibration error is the mean over all statements of |share that is so - mean of what
-was said|, taken in bins of probability (Naeini, Cooper & Hauskrecht, AAAI 2015).
+The expected calibration error is the mean over all statements of |share that is true - mean of the
+stated probabilities|, taken in bins of probability (Naeini, Cooper & Hauskrecht, AAAI 2015).
 """
 
 from collections.abc import Sequence

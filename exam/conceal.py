@@ -63,8 +63,8 @@ def conceal(
 ) -> int:
     """Make the recordings that are not yet there; return how many were made.
 
-    Each is finished when its key is there, so that an interrupted run goes on where it stopped.
-    Raises OSError where they cannot be written, ValueError where the folder holds others.
+    A recording is finished when its key exists, so that an interrupted run continues where it
+    stopped. Raises OSError if they cannot be written, ValueError if the folder holds others.
     """
     for part in ("recordings", "keys"):
         (folder / part).mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def conceal(
 
 
 def _refuse_others(folder: Path, asked: Sequence[Order]) -> None:
-    """Keep beside the keys what they were made by, and mix nothing with it."""
+    """Keep the settings beside the keys, and refuse a folder with other ones."""
     text = "".join(f"{o.name} {o.stratum} {o.seed} {o.rank} {o.seconds}\n" for o in asked)
     listed = made_file(folder)
     if not listed.exists():

@@ -1,7 +1,7 @@
 """One concealed recording: its rig drawn, its effects scaled by the limit of just this recording.
 
-The limit is that of the true device without its physics, on a recording that differs from the one
-handed out by nothing but the physics: same drive, same noise, same jitter.
+The limit is that of the true device without its physics, on a recording with the same drive, noise
+and jitter as the published one.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -67,8 +67,8 @@ def draw(
     """Return recording number `index` of a seed.
 
     rank: its number within its class, by which its (first) effect is chosen, so that all effects
-    come equally often. seconds: its length, drawn from 10 to 20 s where None. Raises ValueError
-    where no rig was found that shows such effects.
+    come equally often. seconds: its length, drawn from 10 to 20 s if None. Raises ValueError if no
+    rig was found that shows such effects.
     """
     random = np.random.default_rng([seed, index])
     names: list[str | None] = [*_names(stratum)] or [None]

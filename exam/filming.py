@@ -1,7 +1,7 @@
 """A machine of full size on record: what encoders count, differenced and low-passed as drives do.
 
-Every position is counted by an encoder with the machine's step, noise added before it counts. A
-velocity is the difference of such counts over a period, or that through a first-order low-pass.
+Every position is counted by an encoder with the machine's step, after noise is added. A velocity is
+the difference of such counts over a period, possibly through a first-order low-pass.
 """
 
 import math
@@ -44,7 +44,7 @@ class Camera:
 class Scene:
     """A machine, what it plays, and how it is seen; the seed makes its noise.
 
-    laws: rows of laws of no name.
+    laws: rows of laws without a name.
     """
 
     device: Device

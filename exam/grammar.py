@@ -1,12 +1,12 @@
-"""Laws that no part of the project knows by name, drawn from a grammar.
+"""Random laws from a grammar, which no part of the project knows by name.
 
     law      A f(u) | A f(u) g(w) | A f(u + depth g(w))
     f, g     odd, even and one-sided powers, tanh, sine, bump, straight pieces between random knots
     u, w     position, velocity, a link's stretch and its rate, command, time; centred and scaled
     at       a mass, a link, the command, the sensor
 
-Powers, ranges, knots and phases are drawn too. What a law would give is worked out along a recorded
-motion; one that a refit and the library's laws reach together (`novelty`) is drawn anew.
+Powers, ranges, knots and phases are random too. The force of a law is computed along a recorded
+motion. If a refit and the library's laws together come near it (`novelty`), another law is drawn.
 """
 
 import math

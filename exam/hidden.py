@@ -19,9 +19,9 @@ SEEN = 5.0  # sigma at which an effect is at its limit
 class Hidden:
     """A concealed effect: its magnitude, and how many times the limit that is.
 
-    sigma: at which it stands above what a refit absorbs, alone; sigma_beside: and above what the
-    other concealed effects' sizes absorb. rivals: effect@place -> its distance from this effect, in
-    sigma, up to `NEAR`, nearest first.
+    sigma: its distance from what a refit absorbs; sigma_beside: the same beyond what the magnitudes
+    of the other concealed effects absorb as well. rivals: effect@place -> its distance from this
+    effect, in sigma, up to `NEAR`, nearest first.
     """
 
     effect: str

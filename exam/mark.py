@@ -1,15 +1,15 @@
 """Marking one answer against its key.
 
-At the limit: an effect stands apart where the computed separation from every rival is at least five
-sigma; there it must be named first. Elsewhere it must stand in the class that was named: the
-finding and its rivals within five sigma. A rival that merely contains the effect does not count:
-the simplest is meant (`Effect.contains`).
+At the limit: an effect is distinct if its computed separation from every rival is at least five
+sigma; then it must be named first. Otherwise it must be in the class that was named: the finding
+and its rivals within five sigma. A rival that merely contains the effect does not count, since the
+simplest is meant (`Effect.contains`).
 
 On rigs at full size: an effect must be found at its place, or be in a class that was named.
 
-Everywhere: a finding stands alone where the answer names no rival within five sigma, or gives it a
-probability of nine in ten; what then explains nothing concealed is a confident wrong name. Whatever
-the answer says with a probability is kept with whether it is so.
+Everywhere: a finding is claimed alone if the answer names no rival within five sigma, or gives it a
+probability of at least 0.9. If it then explains nothing that was concealed, it is a confident wrong
+name. Every statement with a probability is kept, together with whether it is true.
 """
 
 import math
@@ -28,10 +28,10 @@ ANGLES = ("phase", "angle")
 
 @dataclass(frozen=True)
 class Marked:
-    """One concealed effect: does it stand apart, was it named first or at all, or in the class.
+    """One concealed effect: whether it is distinct, and was named first, at all, or in a class.
 
-    inside: parameter -> whether its 95 % interval holds the truth, where it was found; errors:
-    parameter -> by what share of the truth its value is off.
+    inside: parameter -> whether its 95 % interval contains the truth, if it was found; errors:
+    parameter -> relative error of its value.
     """
 
     effect: str
@@ -139,8 +139,8 @@ def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, 
 def stands_alone(finding: Mapping[str, Any]) -> bool:
     """Whether a finding is said with confidence.
 
-    By its probability where it has one, else where no rival is within five sigma that does not
-    merely contain it.
+    By its probability if it has one; otherwise, if no rival within five sigma does anything but
+    contain it.
     """
     if (probability := finding.get("probability")) is not None:
         return float(probability) >= SURE

@@ -1,9 +1,9 @@
 """Which effects a machine of full size may have, how often each comes, and how large it is.
 
-How often one meets an effect on small drives, how large it is, and what it does not stand beside,
-says the effect itself (`Effect.odds`, `at_share`, `excludes`). Sizes are a share of what the
-machine is driven by: forces of the rms command, a limit of the largest one, free play of the rms
-travel, a mass of all masses.
+The effect itself (`Effect.odds`, `at_share`, `excludes`) states how often it occurs on small
+drives, how large it is, and with which effects it does not occur. Sizes are a share of what drives
+the machine: forces of the rms command, a limit of the largest one, free play of the rms travel, a
+mass of all masses.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """Concealing effects of the library, each at its multiple of the limit.
 
 Limits hold on the recording without the effect. An effect may move the device elsewhere (a weight
-that turns it by a radian), so the sigma at which it stands is taken once more on the recording as
-it was made, and a rig where the two differ by half is given up.
+that turns it by a radian), so its sigma is computed again on the recording with it. If the two
+differ by half, the rig is discarded.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def conceal_effects(
 ) -> Made | None:
     """Return rig, recording and what is concealed in it, `first` and others; None where it fails.
 
-    Raises RunAway where the device leaves all bounds.
+    Raises RunAway if the device leaves all bounds.
     """
     known, rig = stage.known, stage.rig
     found: list[tuple[Physics, float]] = []
@@ -113,9 +113,9 @@ def _beside(known: Reference, physics: Sequence[Physics]) -> list[float]:
 def as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
     """Return at how many sigma each effect stands in the recording as it was made.
 
-    That is how much worse a device without this effect predicts it when its linear parameters have
-    been fitted to the recording, to the end and not to first order: a heavy weight holds its device
-    where it acts as a spring, and a refit takes that spring up.
+    This is how much worse a device without this effect predicts it, with its linear parameters
+    fitted to the recording completely and not to first order: a heavy weight holds its device where
+    it acts as a spring, which a refit absorbs.
     """
     problem = Problem([made], known.problem.observer)
     off = known.off(*(p.effect.name for p in physics))

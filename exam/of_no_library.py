@@ -1,7 +1,7 @@
 """Concealing physics of no library, at multiples of the strength that stands at five sigma.
 
-No device of ours has such physics, so its sigma is seen on the recordings themselves: innovations
-of the true device with the physics, less those without it, under the same noise.
+No device of the library has such physics, so its sigma is computed from the recordings: innovations
+of the true device with the physics, less those without it, with the same noise.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Subjects with a law of no name: on rigs at full size, or on devices as at the limit.
+"""Subjects with a law without a name: on rigs at full size, or on devices at the limit.
 
-A rig may have effects of the library beside it; the law is drawn anew for each (`grammar`), 5 to
-30 % of what drives the device, and stands as clearly as any effect of a rig.
+A rig may also have effects of the library. The law is drawn for each rig (`grammar`), with 5 to 30
+% of the driving force, and is as clear as any effect of a rig.
 """
 
 from collections.abc import Sequence

@@ -1,14 +1,14 @@
 """How much of what perfect knowledge gives a diagnosis gave: free runs over data not fitted to.
 
-The last 30 % of each recording, or the one to judge by, are predicted in windows of half a second
-(a third of it, if that is less) by four devices: the device file's, that with linear parameters
-refitted, the augmented one, and the true one, each with the observer that belongs to it at one and
-the same noise, chosen under the true device. Of rms errors
+The last 30 % of each recording, or the validation recording, are predicted in windows of half a
+second (a third of it, if that is less) by four devices: the device file's, the refitted one, the
+augmented one, and the true one. Each has its own observer for the same noise, which is chosen with
+the true device. From the rms errors,
 
     share = (before - after) / (before - perfect).
 
-Where a law of no name acts, no device of ours is the truth, and its error is what the truth itself
-leaves, run without noise from its true states.
+With a law without a name no device of the library is the truth; its error is then that of the truth
+itself, simulated without noise from its true states.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ WORTH = 0.02  # perfect knowledge must improve the fit by this share, or none ca
 
 @dataclass(frozen=True)
 class HeldOut:
-    """rms errors of free runs [rad | m], or of the first output's own unit."""
+    """Rms errors of free runs [rad | m], or in the first output's own unit."""
 
     before: float
     refit: float
@@ -62,7 +62,8 @@ def held_out(
 ) -> HeldOut | None:
     """Return the errors; None without a diagnosis, or where what the truth leaves is not known.
 
-    None too where no observer can be computed for one of the devices: nothing can be compared.
+    Also None if no observer can be computed for one of the devices, so that nothing can be
+    compared.
     """
     floor = key.get("floor")
     if answer["diagnosis"] is None or (key["outside"] is not None and floor is None):

@@ -78,7 +78,7 @@ def with_effects(
 ) -> tuple[list[Made], tuple[Present, ...]] | None:
     """Return the recordings of a stage with so many effects, and these.
 
-    What does not show is drawn anew while the rest stays; None where some never shows.
+    An effect that does not show is drawn again while the others stay; None if one never shows.
     """
     found: Sized = []
     for _ in range(REDRAWN):

@@ -35,7 +35,7 @@ STRATA: Mapping[str, Stratum] = {
         Stratum("three_5x", "three effects at 5 times", 3, 5.0, 5.0, share=0.08),
         Stratum("unknown", "physics in no library, 5 to 50 times", 1, 5.0, 50.0, True, share=0.08),
         Stratum(RIGS, "a rig at full size, none to five effects", 5, kind=RIGS),
-        Stratum(OUTSIDE, "a law of no name, drawn from a grammar", 1, outside=True, kind=OUTSIDE),
+        Stratum(OUTSIDE, "a random law without a name", 1, outside=True, kind=OUTSIDE),
     )
 }
 

@@ -79,11 +79,11 @@ def open_seal(folder: Path, name: str) -> Opened:
     files = recording_files(folder, name)
     key = open_key(key_file(folder, name), sealed, files)
     if missing := set(key["sha256"]) - set(files):
-        raise SealError(f"{name} lacks its {', '.join(sorted(missing))}; make it anew")
+        raise SealError(f"{name} lacks its {', '.join(sorted(missing))}; make it again")
     for part in PARTS:
         other = description_file(folder, name, part)
         if part in files and not load_description(other).source == sealed:
-            raise SealError(f"{other.name} does not carry the seal of {name}; make it anew")
+            raise SealError(f"{other.name} does not carry the seal of {name}; make it again")
     answer = json.loads(_answer_file(folder, name).read_text(encoding="utf-8"))
     for part, path in files.items():
         if answer["sha256"].get(part) != digest(path):

@@ -66,7 +66,8 @@ def rigs(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
 def outside(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     """Return what is told of laws of no name.
 
-    Right is who says `unknown_physics`, or calls adequate what errs hardly more than the truth.
+    An answer is right if it says `unknown_physics`, or calls adequate a model that errs hardly more
+    than the truth.
     """
     effects = [e for m in marks for e in m.effects]
     return {
@@ -101,8 +102,8 @@ def near_truth(m: Mark, fits: Mapping[str, HeldOut]) -> bool | None:
 def adequacy(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     """Return how often the answer's own judgement of itself errs, where it gives one.
 
-    Sound is an answer that names all and nothing else and errs hardly more than the truth on
-    held-out data; bad is one that errs more, whatever it names. What is neither is not counted.
+    An answer is sound if it names everything and nothing else and errs hardly more than the truth
+    on held-out data. It is bad if it errs more, whatever it names. Other answers are not counted.
     """
     asked = [m for m in marks if m.adequate is not None]
     known = [(m, near_truth(m, fits)) for m in asked]

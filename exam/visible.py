@@ -5,8 +5,8 @@ their slopes by its linear parameters, at the truth. Without one effect
 
     sigma = |(I - P) (e(truth without it) - e(truth))|,    P the projector on the span of J,
 
-as in `planning/limits.py`; an effect of full size is no small change, so the refit without it
-is taken to its own end by a few Gauss-Newton steps, where the first looks as if it hardly showed.
+as in `planning/limits.py`. An effect of full size is no small change, so the refit without it is
+completed by a few Gauss-Newton steps if the first one suggests that it hardly shows.
 """
 
 from collections.abc import Sequence

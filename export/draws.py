@@ -1,8 +1,8 @@
 """Joint draws from what is known of a device, for training under domain randomisation.
 
-Each draw is a whole device, written in the format; the fields that differ between draws are told
-with the values that they have. Masses, springs, gain and limit scatter in their logarithms, as
-their fit has them, all else by a normal distribution of which only what physics allows is kept.
+Each draw is a complete device, written in the format; the result lists the fields that differ
+between draws with their values. Masses, springs, gain and limit are drawn by their logarithms, as
+in their fit; all others from a normal distribution, of which only physical values are kept.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,8 +40,8 @@ class Draws(NamedTuple):
 def draws_of(device: Device, count: int, seed: int) -> Draws:
     """Return devices that are drawn from the posterior of one, else from its [uncertainty].
 
-    Raises ValueError where the posterior names what the device does not have, where nothing of it
-    is uncertain, or where hardly any draw can be.
+    Raises ValueError if the posterior names something that the device lacks, if nothing in it is
+    uncertain, or if hardly any draw is physical.
     """
     told = device.posterior or _shares(device)
     bare = replace(device, posterior=None, band=None)
@@ -76,8 +76,8 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
             units = [n.unit for n in own]
             return Draws(devices, told.names, units, np.array(drawn), device.posterior is not None)
     raise ValueError(
-        f"of {TRIES * count} draws {len(devices)} can be, and {count} were asked; the posterior is"
-        " too wide for its values: diagnose more recordings, or take wide numbers out of it"
+        f"only {len(devices)} of {TRIES * count} draws are possible devices, and {count} were asked"
+        " for; the posterior is too wide: diagnose more recordings, or remove its widest numbers"
     )
 
 

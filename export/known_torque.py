@@ -1,19 +1,19 @@
 """The rigid rest of a robot as a known torque on one joint, by MuJoCo, from recorded positions.
 
-Row j of M(q) q'' + c(q, q') + g(q) = tau is what the arms ask of joint j. The device of that joint
-has an inertia of its own, M_jj of the model's zero pose (`zwidth devices --from`), its damping and
-friction. All else acts on it as a force that positions tell,
+Row j of M(q) q'' + c(q, q') + g(q) = tau is the torque that the arms need at joint j. The device of
+that joint has its own inertia, M_jj of the model's zero pose (`zwidth devices --from`), its damping
+and friction. Everything else acts on it as a force that follows from positions,
 
     f = -(row_j - M_jj(0) q_j''),
 
-gravity in the recorded posture, Coriolis and centrifugal forces, what accelerations of the other
-joints couple into it, and what its own inertia is more or less in that posture. Velocities and
+which contains gravity in the recorded posture, Coriolis and centrifugal forces, the coupled
+accelerations of the other joints, and the change of its own inertia in that posture. Velocities and
 accelerations are those of a smoothing spline through each joint's positions,
 
     minimise  sum (q_k - s(t_k))^2 + lambda integral s''^2,
 
-with the lambda by which a spline through every other sample tells the others best; through all of
-them it counts double, as they do (P. Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
+with the lambda for which a spline through every other sample predicts the others best; for all
+samples it is doubled (P. Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
 
 Limits: arms are rigid, and joints that were not recorded stay in the zero pose. Gravity is that of
 the recorded posture, in free runs that drift from it too. Accelerations are as good as the
@@ -55,8 +55,8 @@ def with_known_torque(
 ) -> tuple[Trace, str]:
     """Return a recording with what the rest of a robot does to a device as a known force, and why.
 
-    It acts on the last mass of the device, which the arm is, beside what a recording knows there
-    already. The joint's position is that of this mass where it was recorded, else that of m1.
+    It acts on the last mass of the device, which is the arm, in addition to known forces of the
+    recording. The joint's position is that of this mass if it was recorded, else that of m1.
 
     Raises ValueError as `known_torque`, and where no position of the joint was recorded.
     """
@@ -113,8 +113,8 @@ def known_torque(
 def smooth_motion(t: Floats, position: Floats) -> tuple[Floats, Floats, Floats]:
     """Return position, velocity and acceleration (samples,) of a smoothing spline.
 
-    Samples that are not finite are left out of the spline, and told by it; a stamp that does not
-    rise is, too. Raises ValueError for fewer than five.
+    Samples that are not finite are left out of the spline, and interpolated by it; so are stamps
+    that do not rise. Raises ValueError for fewer than five.
     """
     rising = np.concatenate(([True], np.diff(np.maximum.accumulate(t)) > 0.0))
     kept = rising & np.isfinite(position)

@@ -1,6 +1,6 @@
 """What formats of joints have words for: masses, dampers, springs, levels of dry friction.
 
-Each effect is sorted here once: what of it such a format can say, and what it cannot.
+Each effect is sorted here once: which part of it such a format can describe, and which it cannot.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,8 +21,8 @@ Floats = NDArray[np.float64]
 class Joints:
     """A device in such words, SI; indices are masses, those of extra modes after the chain's.
 
-    dampers, springs: to ground (n,), and between (i, j); friction (n,); device: what is said of it,
-    as a device; lost: what is not.
+    dampers, springs: to ground (n,), and between (i, j); friction (n,); device: the described part,
+    as a device; lost: the rest, in sentences.
     """
 
     device: Device

@@ -4,9 +4,9 @@ The limit of a command is after its gain, and so a range of the force. Without d
 integrates by Runge and Kutta's fourth order; with it (a soft constraint there) implicitly, in
 steps and with an impedance at which a body held creeps by a ten-thousandth.
 
-Where a device says what its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
-With the gain G from volts to force, and brought to the joint (gear 1), its force K (u - K v) / R
-is G u - D v for
+If a device states how much its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
+With the gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G
+u - D v for
 
     K = D / G,    R = K / G,    inductance = lag R.
 
@@ -166,7 +166,7 @@ def _lag(joints: Joints) -> float:
 
 
 def _winding(joints: Joints) -> float:
-    """Return the damping of m1 that is that of a winding, 0 where none is told or m1 has less."""
+    """Return the winding's part of the damping of m1, 0 if it is unknown or m1 has less."""
     told = (p.values["damping"] for p in joints.others if p.effect.name == "open_winding")
     damping = next(told, 0.0)
     return damping if 0.0 < damping <= float(joints.dampers[0]) else 0.0

@@ -1,4 +1,4 @@
-"""What an export is: a text, and what it does not hold; and how much of a motion that costs."""
+"""An export: its text, what it does not contain, and how large an error that causes."""
 
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ def free_run(device: Device, commands: Floats, seed: int = 0) -> Floats:
 def loss(ours: Floats, theirs: Floats) -> float:
     """Return the rms difference over the rms motion about its mean; inf where theirs is no number.
 
-    A motion of nothing is followed by none exactly (0), or not at all (inf).
+    A motion of zero is followed exactly (0), or not at all (inf).
     """
     if ours.shape != theirs.shape or not np.all(np.isfinite(theirs)):
         return float("inf")

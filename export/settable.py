@@ -1,8 +1,8 @@
-"""Numbers of a device that its translated tick reads from its state, so that a run may set them.
+"""Numbers of a device that an exported tick reads from its state, so that a run may set them.
 
-What a law reads of its own parameters, and the numbers of the interface, stand in no propagator: a
-tick with `s->p[k]` in their place has the same bits as one with the numbers themselves. Masses,
-springs and dampers are in the propagators, and stay as they are.
+A law's own parameters and the numbers of the interface are not in any propagator, so a tick with
+`s->p[k]` in their place has the same bits as one with the numbers themselves. Masses, springs and
+dampers are in the propagators, and are constants.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Compiled parts of the kernel as C, by their own source.
 
-The source of a part is run here with what is known of a device (its tables, sizes, numbers) as
-itself, and what only a run knows as C expressions. Conditions and loops over what is known are
-decided and unrolled; what is left over is C without a branch that the device does not need. Sums
-keep their order, so a compiler that contracts nothing gives the bits of the kernel.
+The source of a part is executed here: what is known of a device (its tables, sizes, numbers) keeps
+its value, and what is only known in a run becomes a C expression. Conditions and loops over known
+values are decided and unrolled; the rest is C without the branches that the device does not need.
+Sums keep their order, so a compiler that contracts nothing gives the bits of the kernel.
 """
 
 import ast

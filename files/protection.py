@@ -1,21 +1,21 @@
 """Nothing a user made is written over: what is read, who writes, and what he wrote before.
 
-A file may be written where nothing stands, or where an earlier result of the same writer stands as
-it was written: it is told by its SHA-256, so that one edited since is the user's. `--force` of a
-command and `overwrite=True` of a function lift that, but never for inputs: what a command has read
-(`reading`) it does not write over. A file is the same file by whatever path, link or hard link it
-is reached.
+A file may be written if none exists there, or if it is an earlier result of the same writer that
+was not edited since (recognised by its SHA-256). `--force` of a command and `overwrite=True` of a
+function lift this, but never for inputs: a command does not overwrite what it has read (`reading`).
+A file is the same file by whatever path, link or hard link it is reached.
 
-A writer is a command, for which `command` stands around all that it does, or a public function
-called from Python, which says so by `writing_as`; within a command, the command writes.
+A writer is a command, within its `command` block, or a public function called from Python, which
+declares this by `writing_as`; within a command, the command is the writer.
 
 What was written is kept beside it, in `.zwidth-results/NAME.json`:
 
     {"by": "zwidth devices", "sha256": [of what is put there, of the result that it replaces]}
 
-It is written before the result takes its place, and with both sums, so that a result is known
-whenever the program is killed; a file for each, so that programs that write into one folder do
-not lose each other's. Where it cannot be written, the result is written all the same.
+It is written before the result takes its place, and with both sums, so that a result is recognised
+even if the program is killed in between. Each result has a file of its own, so that programs that
+write into one folder do not lose each other's. If it cannot be written, the result is written all
+the same.
 """
 
 import hashlib
@@ -45,9 +45,9 @@ class Protected(ValueError):
 class Writer:
     """Who writes. inputs: what was read, and why it is protected; late: what came too late to stop.
 
-    late is None for functions, which refuse at once. A command says early what it will write
-    (`check`); where it is refused nevertheless when the work is done, the result takes another
-    name, the other results are written, and the command ends with what is in `late`.
+    late is None for functions, which refuse at once. A command declares early what it will write
+    (`check`). If a result is refused nevertheless when the work is done, it gets another name, the
+    other results are written, and the command ends with the message in `late`.
     """
 
     name: str = "zwidth"
@@ -105,7 +105,7 @@ def writer() -> Writer:
 def reading(path: Path, why: str = INPUT) -> Path:
     """Remember that a user's file is about to be read, and return it.
 
-    why: what the file is, such as "is what rig.toml describes"; the first that is said stays.
+    why: what the file is, such as "is what rig.toml describes"; the first reason is kept.
     """
     identity = _identity(path)
     if identity is not None:
@@ -131,7 +131,7 @@ def check(*paths: Path) -> None:
 def begin(path: Path, own: bool = False) -> Writer:
     """Return who is to write to a path; a function that may not is refused with Protected here.
 
-    own: the caller has made sure that what stands there is its own, so only inputs are protected.
+    own: the caller has made sure that the existing file is its own, so only inputs are protected.
     """
     present = replace(writer(), overwrite=True) if own else writer()
     if present.late is None and (objection := present.objection(path)):
@@ -148,7 +148,7 @@ def force() -> None:
 def command(name: str) -> Generator[None]:
     """Let a command write within the block.
 
-    Raises Protected at the end for results that could not take their places.
+    At the end it raises Protected for results that could not take their places.
     """
     present = Writer(name, late=(late := list[str]()))
     token = _writer.set(present)
@@ -220,7 +220,7 @@ def _record(path: Path) -> _Record:
 def _remember(name: str, draft: Path, place: Path) -> None:
     """Record a draft as the result that will stand at a place; the one that it replaces, too.
 
-    What a user made, and --force replaces, is no result.
+    A file of the user's that --force replaces is no result.
     """
     known, standing = _record(place), _sha256(place)
     earlier = [standing] if known.by == name and standing in known.sha256 else []

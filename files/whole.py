@@ -1,6 +1,6 @@
 """Write a result whole or not at all: a reader never sees half a file, a full disk no lost one.
 
-Nothing else in the tree writes files, so here is where none of the user's is written over (see
+Nothing else in the package writes files, so this is where users' files are protected (see
 `protection`).
 """
 
@@ -18,7 +18,7 @@ from zwidth.files import protection
 def check_folder(path: Path) -> None:
     """Raise OSError unless files can be written into a folder, there or not.
 
-    Tried and not asked: what permissions say is not what a file system does. Leaves nothing behind.
+    It tries, since permissions do not say what a file system does. It leaves nothing behind.
     """
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
@@ -35,10 +35,10 @@ def check_folder(path: Path) -> None:
 def replacing(path: Path, wait: bool = True, own: bool = False) -> Generator[IO[bytes]]:
     """Open a binary file that takes the place of `path` when the block ends without an error.
 
-    What stood at `path` stays until then, and after an error. Folders are made. A path that is no
-    plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the disk has it,
-    so that it is whole after a power cut, too. own: the caller has made sure that what stands there
-    is its own, and keeps account of it itself. Raises OSError; Protected for a user's file.
+    The old content of `path` stays until then, and after an error. Folders are created. A path that
+    is no plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the disk
+    has it, so that it is complete after a power cut, too. own: the caller has made sure that the
+    existing file is its own, and keeps track of it. Raises OSError; Protected for a user's file.
     """
     writer = protection.begin(path, own)
     target = path.resolve()

@@ -65,10 +65,10 @@ def diagnose_fleet(
 ) -> Fleet:
     """Diagnose many recordings of devices that are alike.
 
-    device: what is known of them; work: folder that keeps what was found, so that a rerun goes on
-    and a new recording costs itself alone; runner: where tasks run, None for here; effort: of the
-    search for the structure; advance: told stage, how many are done, and of how many. Raises
-    ValueError where fewer than three recordings can be used, or none follows the device.
+    device: what is known about them; work: folder that keeps results, so that a rerun continues and
+    a new recording costs only itself; runner: where tasks run, None for here; effort: of the search
+    for the structure; advance: called with the stage, how many are done, and of how many. Raises
+    ValueError if fewer than three recordings can be used, or none follows the device.
     """
     runner = Local() if runner is None else runner
     kept = Kept(work, device, effort)
@@ -235,7 +235,7 @@ def _beside(
     odd: Mapping[int, Odd],
     changed: Sequence[Change],
 ) -> dict[int, Odd]:
-    """What is odd beside what changed: asked again with the changes taken off."""
+    """The odd recordings besides those explained by changes, which are removed first."""
     if not changed:
         return dict(odd)
     values = np.column_stack([every.unchanged(k, n, changed) for k, n in enumerate(names)])

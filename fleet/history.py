@@ -1,23 +1,24 @@
 """What changed over time, when, and on which device: steps and drifts over the dates.
 
-Of one device and one parameter recordings at dates t_j say y_j with deviations s_j (their errors,
-and what repeats scatter by). Held against a value that stays,
+Recordings of one device at dates t_j give values y_j of one parameter with deviations s_j (their
+errors, and the scatter of repeats). A constant value is compared with
 
     step:  y = a + b [t >= t_k],            drift:  y = a + b max(0, t - t_0) / (t_end - t_0),
 
-each by weighted least squares, gain the chi-square that it takes away. It pays for its amount (2 ln
-of its range over its error - ln 2 pi), for all parameters, devices, shapes and dates that were
-asked, and must gain 2 ln (1 / ALPHA) beyond. A step is dated by the dates that cost 7.35 more than
-the best (Hansen, Econometrica 68, 2000), the beginning of a drift by those that cost 3.84 more.
-What all devices do together is asked of the same with each device's own mean taken off.
+each by weighted least squares, with the gain in chi-square. The penalty is for its amount (2 ln of
+its range over its error - ln 2 pi), and for all parameters, devices, shapes and dates that were
+tried; the gain must exceed it by 2 ln (1 / ALPHA). The interval of a step contains the dates that
+cost at most 7.35 more than the best (Hansen, Econometrica 68, 2000), that of the beginning of a
+drift those that cost at most 3.84 more. A change of all devices together is sought in the same way,
+with each device's own mean subtracted.
 
-One recording that is off, by whatever, looks like a step or a drift as well. So a change must cost
-less than one of the recordings with a value of its own, the others at a value that stays: without
-it, the weighted squares about the mean are less by w_i (y_i - mean)^2 / (1 - w_i / sum w), and it
-pays for its amount and for which of all recordings it is.
+One recording that is off, for whatever reason, also looks like a step or a drift. So a change must
+cost less than a model in which one recording has a value of its own and the others are constant:
+without it, the weighted squares about the mean are smaller by w_i (y_i - mean)^2 / (1 - w_i / sum
+w), and the penalty is for its amount and for which recording it is.
 
-Limits: one change of a parameter and device; a step needs two recordings on either side, of which
-one alone would be an outlier. Of more than 200 dates every second, third ... is asked.
+Limits: one change of a parameter and device; a step needs two recordings on either side, since one
+alone would be an outlier. Of more than 200 dates every second, third ... is tried.
 """
 
 import math
@@ -83,8 +84,8 @@ def changes(
 ) -> list[Change]:
     """Return what changed of a parameter: of each device, and of all together.
 
-    days, values, errors (n,); scatter: of repeats beside their errors; asked: how many parameters
-    and devices are asked in all.
+    days, values, errors (n,); scatter: of repeats beyond their errors; asked: how many parameters
+    and devices are tried in total.
     """
     told = np.isfinite(days) & np.isfinite(errors)
     s = np.sqrt(errors**2 + scatter**2)

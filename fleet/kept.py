@@ -4,9 +4,9 @@
     WORK/fits/KEY.json      the quick fit of a recording
     WORK/reasons/KEY.json   why a recording is odd, and against what it was asked
 
-A key is of the recording's bytes, the structure and the code that works on it, so a recording that
-is new or has changed is fitted, and no other. The structure is sought anew where the device, the
-effort or the code is another one, and when there are twice as many recordings.
+A key depends on the recording's bytes, the structure and the code, so only recordings that are new
+or have changed are fitted. The structure is sought again if the device, the effort or the code is
+another one, and when there are twice as many recordings.
 """
 
 import hashlib

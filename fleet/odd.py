@@ -1,19 +1,20 @@
 """Which recordings are unlike the others: in what they say of the device, or in how badly they fit.
 
-Of each parameter the fleet's own course is found robustly: a line over the known columns by
-iterated weights (Tukey's biweight: Huber & Ronchetti, Robust Statistics, 2nd ed., 7), which
-recordings that lie far from it have no part in. A recording is odd in a parameter where
+For each parameter the course of the fleet is found robustly: a line over the known columns by
+iterated weights (Tukey's biweight: Huber & Ronchetti, Robust Statistics, 2nd ed., 7), on which
+recordings far from it have no influence. A recording is odd in a parameter if
 
     |y_i - f(columns_i)| > t sqrt(s_i^2 + tau^2),
 
-tau what recordings scatter by beside their errors (from their median absolute deviation), t the
-quantile of Student's t that one of all that is asked exceeds by chance with odds of ALPHA. The same
-is asked within each device, about its own median, where it has been recorded three times. A
-recording fits badly where its noise, or the error of its free runs, is as far from the others', and
-where free runs err farther than it moves, and others' do not: then nothing of it is explained, and
-its own parameters, with errors that excuse them, say so the least.
+where tau is the scatter of recordings beyond their errors (from their median absolute deviation),
+and t the quantile of Student's t that one of all tests exceeds by chance with probability ALPHA.
+The same test is made within each device, about its own median, if it was recorded three times. A
+recording fits badly if its noise, or the error of its free runs, is equally far from the others'.
+It also fits badly if free runs err more than it moves, and others' do not: then nothing in it is
+explained, and its parameters do not show this, because their errors are large.
 
-Limits: most of a fleet must be sound. In a device of three recordings one is odd, and of two none.
+Limits: most of a fleet must be sound. In a device of three recordings one can be found odd, in one
+of two none.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,7 +46,7 @@ THEM, OWN, NOISE_OFF, FREE_OFF, STILL = "parameter", "within", "noise", "free ru
 class Course:
     """What the fleet says of a parameter: expected (n,) for each recording.
 
-    tau: what recordings scatter by beside their errors; within: the same inside devices.
+    tau: scatter of recordings beyond their errors; within: the same inside devices.
     """
 
     expected: Floats

@@ -1,13 +1,13 @@
 """One recording fitted with the fleet's structure: its own numbers, and how well they go.
 
-A descent from the typical device (`settled`: fit and noise in turn), so some tenths of a second for
-600 samples. Estimates are free of the prior: with posterior variance v of x under a unit prior
-about 0, what the recording alone says has
+A descent from the typical device (`settled`: fit and noise in turn), which takes some tenths of a
+second for 600 samples. Estimates are independent of the prior: with posterior variance v of x under
+a unit prior about 0, the recording alone gives
 
     1 / s^2 = 1 / v - 1,    y = x s^2 / v,
 
-so a recording that says nothing of a parameter has an infinite standard error of it, and does not
-draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
+so a recording without information about a parameter has an infinite standard error of it, and does
+not draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,12 +51,12 @@ UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing o
 class Quick:
     """What the quick fit of a recording says, in SI.
 
-    x (p,): of the model; values, errors (q,): of the reported parameters, errors infinite where it
-    says nothing; covariance (q, q). noise: deviation of the innovations of the first output; free:
-    rms error of free runs of half a second over the motion; swing: rms motion; held: longest time
-    that a reading stands still under a command that does not, over the whole. drawn (2, points):
-    the first output as measured and as it runs freely. remarks: what is odd
-    about the recording. problem: why there is no fit; "" where there is one.
+    x (p,): of the model; values, errors (q,): of the reported parameters, with infinite errors for
+    undetermined ones; covariance (q, q). noise: deviation of the innovations of the first output;
+    free: rms error of free runs of half a second over the motion; swing: rms motion; held: longest
+    time that a reading is constant while the command is not, over the whole. drawn (2, points): the
+    first output as measured and in a free run. remarks: facts about the recording. problem: why
+    there is no fit; "" if there is one.
     """
 
     name: str
@@ -198,9 +198,9 @@ def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
 def held(e: Experiment) -> float:
     """Return for how much of a recording its first output stands still longest.
 
-    Where the command stands still as well, as of a servo that holds its goal, it may; and where it
-    sets out again from where it stood, as what sticks does: a sensor that gives no new readings
-    comes back where the device is by then.
+    Exceptions: the command is constant as well, as for a servo that holds its goal; or the motion
+    starts again from where it stopped, as after sticking. A sensor without new readings resumes at
+    the device's present position.
     """
     moves = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
     asks = QUIET * float(np.ptp(e.command))
@@ -212,7 +212,7 @@ def held(e: Experiment) -> float:
 
 
 def _sets_out(reading: Floats, stretch: slice) -> bool:
-    """Whether a reading moves on after a standstill by no more than in what follows, or usually."""
+    """Whether a reading resumes after a standstill by no more than afterwards, or than usual."""
     steps = np.abs(np.diff(reading[stretch.stop - 1 : stretch.stop + STARTS]))
     usual = float(np.sqrt(np.mean(np.diff(reading) ** 2)))
     return steps.size > 1 and float(steps[0]) <= JUMPS * max(usual, float(steps[1:].max()))

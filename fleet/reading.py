@@ -1,4 +1,4 @@
-"""A recording of a fleet as the diagnosis takes it, and what tells whether it is the same file."""
+"""A recording of a fleet for the diagnosis, and a check that it is the same file."""
 
 import hashlib
 from pathlib import Path

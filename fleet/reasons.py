@@ -1,22 +1,22 @@
 """Why a recording is unlike the others: what would make it one of them, each asked by its cost.
 
-A sound recording of the fleet has parameters about mu (with its own columns) with deviations S.
-Read in one way (as it is, with a sign turned, ...), a fit gives y with covariance C, and
+A sound recording of the fleet has parameters about mu (for its own columns) with deviations S. Read
+in one way (as it is, with a sign reversed, ...), a fit gives y with covariance C, and
 
     cost = -2 ln p(recording | y) + price
          + (y - mu)' (C + S)^-1 (y - mu) + ln det (C + S) - ln det C
 
-is what that reading costs (the evidence of a normal prior N(mu, S) on what the device is, by
-Laplace). A device that is another one in a parameter is the same with that one's S as wide as
-`WIDE` times mu. The price is how rare the fault is, as `diagnosis.intake` has it, and how many
-were asked. What costs least is said; as recorded, where nothing is cheaper by 2 ln (1 / ALPHA).
+is the cost of that reading (the evidence with a normal prior N(mu, S) on the device, by Laplace).
+For a device that differs in one parameter, that one's S is `WIDE` times mu. The price is the rarity
+of the fault, as in `diagnosis.intake`, and the number of faults that were tried. The cheapest
+reading is reported, or "as recorded" if none is cheaper by 2 ln (1 / ALPHA).
 
-Asked are: signs and units of command and output (also as the gate of a diagnosis suspects them
-about the fleet's device), command or reading that comes late, a reading that jumps (a clamp or a
-coupling that slipped), a parameter that changes within the recording, parameters of its own, and,
-where it fits badly whatever is corrected, physics that the others do not have. Before all, where
-free runs are lost, whether the drive was off for a while (`switched_off`): the next sample, which
-tells all of these, says nothing of that.
+Tried are: signs and units of command and output (also as the gate of a diagnosis suspects them), a
+late command or reading, a reading that jumps (a clamp or a coupling that slipped), a parameter that
+changes within the recording, parameters of its own, and, if it fits badly whatever is corrected,
+physics that the others do not have. If free runs diverge, it is first tested whether the drive was
+off for a while (`switched_off`), since the next sample, which shows all of the others, does not
+show that.
 """
 
 import math
@@ -78,8 +78,8 @@ FAULTS = {
 class Reason:
     """Why a recording is odd. kind: a key of `FAULTS`; gained: -2 ln over taking it as it is.
 
-    parameters: those that are others, of `other_device`. recording: whether it is the recording
-    that is at fault, and not the device.
+    parameters: those that differ, of `other_device`. recording: whether the recording is at fault,
+    and not the device.
     """
 
     kind: str
@@ -97,8 +97,8 @@ class Reason:
 class Question:
     """An odd recording to be explained.
 
-    expected, spread (q,): what the fleet's reported parameters are where it was recorded, and their
-    deviation; noise: the fleet's typical one. odd: in what it is unlike the others.
+    expected, spread (q,): expected values of the reported parameters, and their deviation; noise:
+    the fleet's typical one. odd: in what it is unlike the others.
     """
 
     name: str
@@ -174,7 +174,7 @@ def explained(question: Question) -> Reason:
 def _without_drive(
     e: Experiment, model: Model, start: Floats, ways: Sequence[_Way]
 ) -> Reason | None:
-    """A drive that was off, unless free runs of another reading of the recording err less."""
+    """A drive that was off, unless another reading of the recording has smaller free-run errors."""
     try:
         off = switched_off(e, model, start)
     except (NoObserver, ValueError):
@@ -239,7 +239,7 @@ def _x_of(model: Model, values: Floats) -> Floats:
 def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = ()) -> float:
     """What a fit costs under the fleet's prior; wide: places of parameters that are free.
 
-    A recording that was shortened is counted as if it were whole.
+    A shortened recording is weighted as if it were complete.
     """
     values, errors, spread = estimates(h)
     prior = np.array([p.prior for p in h.model.parameters])
@@ -367,7 +367,7 @@ def _reading_late(e: Experiment, model: Model, start: Floats) -> _Way | None:
 
 
 def _jump(e: Experiment, model: Model, start: Floats) -> _Way | None:
-    """The reading without its most sudden jump, of a size that is fitted."""
+    """The reading without its largest jump, whose size is fitted."""
     position = next((k for k, o in enumerate(e.outputs) if o.tells_position), None)
     if position is None:
         return None

@@ -1,7 +1,8 @@
 """Whether a parameter is one for a fleet, or differs from device to device or from run to run.
 
-Recording i of device d says y_i of a parameter, with standard error s_i. The model is the random
-effects one (DerSimonian & Laird, Control. Clin. Trials 7, 1986) with two levels and known columns,
+Recording i of device d gives y_i for a parameter, with standard error s_i. The model is a random
+effects model (DerSimonian & Laird, Control. Clin. Trials 7, 1986) with two levels and known
+columns,
 
     y_i = b_0 + sum_k b_k x_ik + u_d + w_i + e_i,
     u_d ~ N(0, tau_d^2),   w_i ~ N(0, tau_r^2),   e_i ~ N(0, s_i^2).
@@ -11,18 +12,18 @@ out in closed form (Gelman et al., Bayesian Data Analysis, 3rd ed., 5.4 and 14.8
 
     cost = r' V^-1 r + ln det V + ln det X' V^-1 X + 2 sum_k ln range_k - k ln 2 pi,
 
-r what generalized least squares leaves, range_k = 2 ptp(y) / ptp(x_k) for a slope. The constant
-b_0 and n ln 2 pi are in all hypotheses and left out. A tau that is not nothing is uniform in its
+r are the residuals of generalized least squares, range_k = 2 ptp(y) / ptp(x_k) for a slope. The
+constant b_0 and n ln 2 pi are in all hypotheses and left out. A tau above zero is uniform in its
 logarithm between `LEAST_TAU` of the median standard error and the whole range of y, summed on a
-grid. A hypothesis is taken over a simpler one where it costs less by more than 2 ln (1 / ALPHA)
-for each thing that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
+grid. A hypothesis is preferred to a simpler one if it costs less by more than 2 ln (1 / ALPHA) for
+each thing that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
 
-Columns that the recordings cannot tell apart (one is a multiple of another, or fewer recordings say
-anything than there are columns) are not taken together.
+Columns that the recordings cannot distinguish (one is a multiple of another, or there are fewer
+informative recordings than columns) are not used together.
 
 Limits: the ranges are taken from the data. A device must have been recorded twice for its own value
-to be told from that of the run: without repeats what differs is called per run. Normal spreads
-have no outliers; those must have been taken out before.
+to be distinguished from that of the run: without repeats, differences are called per run. Normal
+distributions have no outliers, so those must be removed before.
 """
 
 import math

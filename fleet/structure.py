@@ -1,18 +1,19 @@
 """Which effects a fleet's devices have: one structure for all, each recording with its own numbers.
 
-Recordings of several devices differ in their parameters, so one x for all would have to make up
-for that by physics that none has. A structure S is therefore judged by what it costs with own
-parameters in each of a few recordings,
+Recordings of several devices differ in their parameters, so a single x would have to compensate the
+differences by spurious physics. A structure S is therefore judged by its cost with own parameters
+in each of a few recordings,
 
     cost(S) = sum_i (misfit_i(S) + freedom_i(S)) - 2 ln P(S),
 
-how common such physics is counted once (`diagnosis.selection.evidence`). Candidates are what the
-search of each recording alone costs least with, and what is in them; one with more effects must
-cost less by 2 ln (1 / ALPHA) for each. What a recording says nothing of, it is not asked.
+where the rarity of such physics is counted once (`diagnosis.selection.evidence`). Candidates are
+the cheapest hypotheses of the search of each recording alone, and their parts; one with more
+effects must cost less by 2 ln (1 / ALPHA) for each. A recording without information about a
+parameter is left out of the comparison.
 
-The few are the most informative ones: those whose refit of the linear parameters knows these best
-(ln det J'J), of different devices, and none whose parameters lie far from those of the others,
-which may be misread.
+The few are the most informative ones: those whose refit determines the linear parameters best (ln
+det J'J), of different devices, and without those whose parameters lie far from the others', which
+may be misread.
 """
 
 import json

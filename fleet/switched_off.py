@@ -1,18 +1,19 @@
 """A drive that gave no force for a stretch of a recording, told by free runs.
 
-The next sample says little of it: an observer follows whatever the device does, and what lacks is
-noise. A free run of half a second (`noise.predictor.free_run_errors`) goes where the force that is
-believed in takes it. So with the parameters that are expected, x, and the drive off in [a, b),
+The next sample hardly shows it: an observer follows whatever the device does, and missing forces
+count as noise. A free run of half a second (`noise.predictor.free_run_errors`) follows the assumed
+force. So with the expected parameters x, and the drive off in [a, b),
 
     err(a, b) = rms error of free runs,    the stretch is arg min over a < b,
 
-on a grid of a twentieth of the recording, then each edge by halves down to a sample. It is believed
-where free runs err half as far with it, and beyond the motion itself without it: a wrong number of
-a device does not do that, and no stretch helps where the drive was on. (A command of the wrong sign
-halves as well where it is left out: whoever asks compares with the other ways to read a recording.)
+on a grid of a twentieth of the recording, and then each edge is bisected down to a sample. It is
+believed if free runs err half as much with it, and more than the motion itself without it: a wrong
+number of a device does not have this effect, and no stretch helps if the drive was on. (A command
+of the wrong sign also halves the error if it is left out; the caller compares with the other ways
+to read a recording.)
 
-Limits: one stretch, and not the whole (that is a motion which nothing drives). The back-EMF of a
-winding stays, as in a recording whose [enable] says that its drive was off.
+Limits: one stretch, and not the whole recording (that is a free motion). The back-EMF of a winding
+stays, as in a recording whose [enable] states that its drive was off.
 """
 
 from dataclasses import replace

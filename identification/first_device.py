@@ -1,24 +1,24 @@
 """A device to start from, of a recording alone: one, two or three masses, whichever the data ask.
 
-`identify` fits eq. (1) to a frequency response, which asks for an excitation of all frequencies and
-some 8000 samples. This asks for a recording as people have it. It is cut into windows, in each of
-which the chain runs freely from the command; the error is counted as a speed, so that a mode that
-moves little and fast counts beside a drift that moves far and slowly:
+`identify` fits eq. (1) to a frequency response, which needs an excitation of all frequencies and
+some 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
+which the chain runs freely under the command. The error is counted as a speed, so that a small fast
+mode counts beside a large slow drift:
 
     e_w = (I - P) d/dt (y_w - H (u_w + sum_i a_i f_i,w)),
 
-P onto the free motions and what a constant force does, so that neither how a window begins nor an
-offset counts; H the impulse response; f_i what a device may have besides, as forces that follow
-from the motion *measured*: friction, q^3, sin q, cos q, and u^3 of an amplifier that gives
-way. Their strengths a_i are solved for at every step, so that friction, gravity, a spring and a
-limit do not spoil masses and dampers, nor ask for a further mass; neither they nor the spring to
-ground, which is fitted with the chain, are in the device that is returned: what masses, dampers and
-links do not explain is for the diagnosis to say. Without a command the spring stays, or there would
-be no swing, and masses are counted in what m1 is.
+P projects onto the free motions and the effect of a constant force, so that neither the initial
+state of a window nor an offset counts; H is the impulse response; f_i are further possible forces
+that follow from the *measured* motion: friction, q^3, sin q, cos q, and u^3 of a saturating
+amplifier. Their strengths a_i are solved for at every step, so that friction, gravity, a spring and
+a limit neither distort masses and dampers nor require a further mass. Neither they nor the spring
+to ground, which is fitted with the chain, are in the returned device; the diagnosis has to find
+them. Without a command the spring stays, otherwise there would be no swing, and masses are in units
+of m1.
 
-The number of masses is chosen by windows that the fit has not seen, three of ten: another mass is
-taken where it takes a fifth off the rms error there (`WORTH`), and where masses and modes are such
-as a recording can tell.
+The number of masses is chosen by windows that were not fitted, three of ten: another mass is added
+if it reduces the rms error there by a fifth (`WORTH`), and if masses and modes have values that a
+recording can determine.
 """
 
 import math
@@ -86,7 +86,7 @@ class FirstDevice:
 
 
 def first_device(motions: Sequence[Motion]) -> FirstDevice:
-    """Return the chain that recordings of one device ask for.
+    """Return the chain that recordings of one device show.
 
     Raises RecordingError where they are too short or do not move.
     """
@@ -345,8 +345,8 @@ def _residual(
 ) -> tuple[Floats, Floats]:
     """Return the error, and the strengths of the further forces, solved for unless they are given.
 
-    What cannot be told apart, such as the mass and a spring under one sine, is told by the smaller
-    forces: a force of the command's size costs `COST` of the motion.
+    Parameters that cannot be distinguished, such as the mass and a spring under one sine, are
+    chosen for smaller forces: a force of the command's size costs `COST` of the motion.
     """
     projected = _projected(x, n, windows)
     if projected is None:

@@ -2,11 +2,11 @@
 
     m q'' + b q' = K (g(t - tau) - q)
 
-The goal alone drives, so that nothing tells the scale: m is counted as 1, and K / m and b / m are
-fitted, by least squares over the whole recording in a free run from its first sample, the goal held
-over each sample. A delay tau of whole samples is fitted with them, or K and b would make up for it;
-like friction and limits it is not in the device that is returned, but left for the diagnosis to
-say. Of the motion the position is compared, or the speed where only that was measured.
+Only the goal drives, so the scale is undetermined: m is set to 1, and K / m and b / m are fitted by
+least squares over the whole recording in a free run from its first sample, with the goal held over
+each sample. A delay tau of whole samples is fitted with them, otherwise K and b would compensate
+it; like friction and limits it is not in the returned device, since the diagnosis has to find it.
+The position is compared, or the speed if only that was measured.
 
 A loop on the speed that integrates is the same loop: with the gains k_p and k_i,
 
@@ -66,7 +66,7 @@ class SpeedLoop:
 
 
 def first_loop(motions: Sequence[Motion]) -> FirstLoop:
-    """Return the loop that recordings of goals and positions ask for.
+    """Return the loop that recordings of goals and positions show.
 
     Raises RecordingError where they are too short, or have neither position nor velocity of m1.
     """

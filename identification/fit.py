@@ -76,9 +76,9 @@ def fit_response(
 ) -> Fit:
     """Fit eq. (1) with a number of modes (None: as many as the data show) to a recording.
 
-    0 modes are a rigid body with a damper. Of as many as the data show, one that changes the
-    response by less than 3 % wherever it is looked at is none: friction and steps leave errors that
-    a zero beside its pole takes off by less than they are.
+    0 modes are a rigid body with a damper. If the number of modes follows from the data, a mode
+    that changes the response by less than 3 % everywhere is dropped: friction and steps leave
+    errors of this size, which a zero beside a pole would reduce.
 
     delay [s] from command to force where it is known; None fits it too. Short gaps are filled in
     (`logs/stretches.py`); of a recording with longer ones, where the clock jumps or a value is not
@@ -125,7 +125,7 @@ def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) ->
 
 
 def _least_change(fit: Fit) -> float:
-    """Return by how much the mode that does least changes the response, where it does most.
+    """Return the largest change of the response by the least important mode.
 
     A mode is the factor (w/v)^2 (s^2 + d s + v^2) / (s^2 + c s + w^2) of G.
     """

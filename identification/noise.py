@@ -1,4 +1,4 @@
-"""Spectrum of the output's noise, told apart from what the model gets wrong.
+"""Spectrum of the output's noise, separated from the errors of the model.
 
 Local polynomials (Pintelon, Schoukens, Vandersteen & Barbe, Mech. Systems and Signal Processing 24,
 2010; here on the residual): over a narrow band of the whole record's transform, what a linear

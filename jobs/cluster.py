@@ -1,9 +1,9 @@
 """Tasks on many machines, by Dask (`pip install 'zwidth[cluster]'`).
 
-Dask gives a task whose worker died to another one. Beyond that: a scheduler that was restarted has
-forgotten everything, so what has not come back is sent again; workers that run other code than the
-driver are refused, since their results would not be the same; and so many tasks are on their way
-that no core waits, but no more, however many there are.
+Dask gives a task whose worker died to another one. In addition: a restarted scheduler has forgotten
+everything, so missing results are requested again; workers with other code than the driver are
+refused, since their results would not be the same; and only as many tasks are in flight as are
+needed to keep all cores busy.
 """
 
 import errno
@@ -147,8 +147,8 @@ class Cluster:
         except KilledWorker as error:
             raise ChildProcessError(
                 errno.ECHILD,
-                f"{error.allowed_failures + 1} workers died over {str(error.task).split('+')[0]!r};"
-                " look at the memory they need; what came back is kept",
+                f"{error.allowed_failures + 1} workers died in {str(error.task).split('+')[0]!r};"
+                " check the memory that they need; finished parts are kept",
             ) from None
         finally:
             with suppress(Exception):  # the scheduler may be gone, and with it what is cancelled
@@ -177,8 +177,8 @@ class Cluster:
                 if time.monotonic() > end:
                     raise ConnectionResetError(
                         errno.ECONNRESET,
-                        f"the scheduler {self.address} is gone for {self.patience:g} s; what came"
-                        " back is kept, start it and give the same command again",
+                        f"the scheduler {self.address} is gone for {self.patience:g} s; finished"
+                        " parts are kept: start it and give the same command again",
                     ) from None
                 time.sleep(LOOK_EVERY)
 
@@ -214,7 +214,7 @@ class _Watch:
         elif now - self.seen > self.patience:
             raise ConnectionResetError(
                 errno.ECONNRESET,
-                f"all workers of {self.address} are gone for {self.patience:g} s; what came back"
-                " is kept, start some and give the same command again",
+                f"all workers of {self.address} are gone for {self.patience:g} s; finished parts"
+                " are kept: start workers and give the same command again",
             )
         return True

@@ -2,9 +2,9 @@
 
 A folder holds a description (what the work is) and `part-00000.npz`, ..., numbered in the order in
 which the work needs them and written in the order in which they are finished. A run that stops,
-however abruptly, leaves whole parts. The next one checks that they are of the same work, and runs
-those that are missing or damaged. The description says that the parts are the work's own, to be
-written over; a folder with parts and none is somebody else's.
+however abruptly, leaves complete parts. The next run checks that they belong to the same work, and
+computes those that are missing or damaged. The description marks the parts as the work's own, which
+may be overwritten; a folder with parts but without a description belongs to somebody else.
 """
 
 import io

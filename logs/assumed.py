@@ -1,10 +1,10 @@
 """A recording TOML for a file that nobody described: complete, with what was assumed in sentences.
 
-`guess.draft` leaves open what a file does not tell, for a person to fill in. This one is for going
-on at once: it takes SI where no unit is given, a thousand samples a second where there is no time,
-and for a scale that cannot be known one, so that forces are counted in the command's own unit. It
-says so, asks where somebody can answer, and names what the numbers themselves make doubtful: a step
-of 0.09 in an angle is 360 degrees in 4000, and no encoder counts such a part of a radian.
+`guess.draft` leaves open what a file does not say, for a person to fill in. This one is for
+continuing at once: it assumes SI if no unit is given, a thousand samples a second if there is no
+time, and one for an unknown scale, so that forces are counted in the command's own unit. It says
+so, asks if somebody can answer, and names what the numbers make doubtful: a step of 0.09 in an
+angle is 360 degrees in 4000, and no encoder counts such a part of a radian.
 """
 
 import math
@@ -96,8 +96,8 @@ NOBODY = "none"
 class Channel:
     """A signal as a channel: name, spelled unit (None: none is known), what the TOML says of it.
 
-    per: the key and the number of counts where each is taken for one of SI, as both the goal and
-    the motion of a loop say it, so that one number mends each.
+    per: the key and the number of counts if each is taken for one of SI; goal and motion of a loop
+    both state it, so that one number corrects both.
     """
 
     signal: str
@@ -125,9 +125,10 @@ def assumed(
 ) -> Assumed:
     """Return what to take the signals of a file for; file: its path as the TOML is to give it.
 
-    ask: where somebody can answer. joint: the number or name of the joint to take, of a file with
-    several. given: time, command, position or velocity -> the signal that somebody named for it.
-    Raises RecordingError where nothing in it seems to move, or no such joint is there.
+    ask: how to ask a person, if somebody can answer. joint: the number or name of the joint to
+    take, of a file with several. given: time, command, position or velocity -> the signal that the
+    user named for it. Raises RecordingError if nothing in it seems to move, or there is no such
+    joint.
     """
     with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
         return _Reader(source, file, ask, joint, given or {}).read()
@@ -144,7 +145,7 @@ class Joints:
 def joints_of(source: Source) -> Joints:
     """Return the joints whose motion a file holds.
 
-    Raises RecordingError where fewer than two move, as in a file of one device.
+    Raises RecordingError if fewer than two move, as in a file of one device.
     """
     with np.errstate(all="ignore"):
         return _Reader(source, source.path.name, None, None, {}).joints()
@@ -371,8 +372,8 @@ class _Reader:
                 return outputs
         if len(self._signals()) == 1:
             raise RecordingError(
-                f"{self.source.path.name} is one column, {self._signals()[0]}, and nothing says"
-                " what drives and what moves; if time, command and position are in files of their"
+                f"{self.source.path.name} is one column, {self._signals()[0]}, and both a"
+                " command and a motion are needed; if they are in files of their"
                 " own, name each with file = in [input] and [[output]] of one recording TOML"
             )
         rest = [n for n in self._open() if self.names[n].role == "measured"]
@@ -381,7 +382,7 @@ class _Reader:
             others = [n for n in self._signals() if self.seen[n].seems != "time"] or ["none"]
             raise RecordingError(
                 f"{self.source.path.name} has no column that seems to be a position or a velocity,"
-                f" but {_words(others[:8])}; say which is which in a recording TOML"
+                f" only {_words(others[:8])}; name the channels in a recording TOML"
                 f" ('zwidth convert {self.source.path} FILE.toml' drafts one)"
             )
         if (arrays := self._array(rest)) is not None:
@@ -391,21 +392,24 @@ class _Reader:
             unnamed = all(re.fullmatch(r"column\d+", name) for name in rest)
             if unnamed and self.source.kind.startswith("text table"):
                 raise RecordingError(
-                    f"{self.source.path.name} has no line that names its columns, and nothing says"
+                    f"{self.source.path.name} has no line that names its columns, so it is unknown"
                     f" which of {_words(rest)} is the position: write a line of names above the"
                     " numbers (time, position, torque ...), or name them in a recording TOML"
                 )
             raise RecordingError(
-                f"{self.source.path.name} does not say which of {_words(rest)} is the position; say"
-                f" it in a recording TOML; 'zwidth convert {self.source.path} FILE.toml' drafts one"
+                f"{self.source.path.name} does not say which of {_words(rest)} is the position;"
+                " name it in a recording TOML;"
+                f" 'zwidth convert {self.source.path} FILE.toml' drafts one"
             )
-        self.found.doubts.append(f"{chosen} is taken for the position: nothing says what it is")
+        self.found.doubts.append(
+            f"{chosen} is taken for the position, without any sign of what it is"
+        )
         return {"position_m1": chosen}
 
     def _array(self, rest: Sequence[str]) -> dict[str, str] | None:
         """Return the joint that moves most of several whose names say only that they were measured.
 
-        Each is a position where its goal is there and it follows it: "J1 Actual", "J1 Command".
+        Each is a position if its goal is there and it follows it: "J1 Actual", "J1 Command".
         """
         joints = differing({name: self.names[name] for name in rest})
         asked = [n for n, one in self.names.items() if one.role in ("goal", "command")]
@@ -440,7 +444,7 @@ class _Reader:
         if len(known) < 2:
             one = f"only {known[0]} moves in it" if known else "no position in it moves"
             raise RecordingError(
-                f"{self.source.path.name} holds no several joints: {one}; leave --joint out"
+                f"{self.source.path.name} has no several joints: {one}; leave --joint out"
             )
         words = differing({name: self.names[name] for name in every})
         labels = {name: "_".join(words[name]) for name in every}
@@ -460,7 +464,7 @@ class _Reader:
         if not found:
             raise RecordingError(
                 f"{self.source.path.name} has no joint {self.joint!r} among {_words(known)}; give"
-                " --joint the number or the name that one of them has"
+                " --joint one of these names, or its number"
             )
         return found
 
@@ -526,7 +530,7 @@ class _Reader:
         return [n for n in known if n in same or n in others] if same or others else known
 
     def _speed_beside(self, position: str) -> dict[str, str]:
-        """Return the speed that was measured beside a position, if it says more than that does."""
+        """Return the speed that was measured beside a position, if it adds information."""
         signals, found = self.source.signals, dict[str, str]()
         for name in self._with_joint_of(position, self._motions("velocity")):
             seen = speed_of(signals[position], signals[name], self.t)
@@ -642,7 +646,7 @@ class _Reader:
             others = [n for n in self.names if n not in used and self.seen[n].seems in NO_COMMAND]
             none = f" ({_words(others[:8])} can be none)" if others else ""
             self.found.doubts.append(
-                f"no column seems to be a command{none}: taken as a motion that nothing drives; if"
+                f"no column seems to be a command{none}: taken as a free motion; if"
                 " something drives, record its torque, current, voltage or goal, too"
             )
             return None
@@ -681,7 +685,7 @@ class _Reader:
         return chosen == "turns"
 
     def _alike(self, command: str, told: Mapping[str, Channel], rotary: bool) -> dict[str, Channel]:
-        """Return the channels, a position in counts as its goal in counts can say it, too."""
+        """Return the channels; a position in counts may take the scale of its goal in counts."""
         key, motion = next(iter(told.items()))
         unit = _unit(self.source.signals[command])
         if not (motion.unit and _is_counts(motion.unit)) or (unit and unit.si != COUNTS):
@@ -819,7 +823,7 @@ def _unit(signal: Signal) -> Unit | None:
 
 
 def _usual(period: float) -> float:
-    """Return the period [s] of the usual rate that a period is near to, 0 where none is."""
+    """Return the period [s] of a usual rate near a given period, 0 if there is none."""
     if not 1e-6 < period < 1e3:
         return 0.0
     decade = 10.0 ** math.floor(math.log10(1.0 / period) + NEAR)
@@ -864,7 +868,7 @@ def _hint(signal: Signal, own: str) -> str:
 def _lines_of(signal: Signal, turn: float) -> int | None:
     """Return how many of its steps make a turn, where they are a whole and round number of lines.
 
-    A step that a printer left, 0.001 or 1e-6, tells nothing.
+    A step from rounding in a printout, 0.001 or 1e-6, is no hint.
     """
     step = step_seen(signal.floats())
     if step is None or math.isclose(math.log10(step), round(math.log10(step)), abs_tol=1e-9):

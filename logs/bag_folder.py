@@ -55,7 +55,7 @@ def bag_files(path: Path) -> list[Path]:
         text = file.read(LARGEST).decode("utf-8", "replace")
     if (mode := COMPRESSED.search(text)) is not None:
         raise RecordingError(
-            f"{path.name} is compressed by {mode[1].lower()}, which is not read; write it anew with"
+            f"{path.name} is compressed by {mode[1].lower()}, which is not read; convert it with"
             " 'ros2 bag convert'"
         )
     _, _, rest = text.partition("relative_file_paths:")
@@ -65,7 +65,7 @@ def bag_files(path: Path) -> list[Path]:
             break
         names.append(found[1])
     if not names:
-        raise RecordingError(f"{METADATA} of {path.name} names no file; record it anew")
+        raise RecordingError(f"{METADATA} of {path.name} names no file; record it again")
     for name in names:
         if Path(name).name != name or name == "..":
             raise RecordingError(

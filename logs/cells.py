@@ -1,10 +1,10 @@
 """Cells of text: which are numbers, which are blank, and when a column of them is a signal.
 
 A column in which numbers outnumber text is a signal with gaps: each cell of text becomes NaN, is
-counted, and the first is quoted. A gap costs its sample and no more, since nothing is computed
-across it, so a stray text is no reason to lose a column; and even where nearly half of a column is
-text, the numbers between may be whole stretches. A column with at least as many texts as numbers
-tells words, and a few of them happen to be digits. Blank cells count for neither.
+counted, and the first is quoted. A gap loses only its sample, since nothing is computed across it,
+so a stray text is no reason to lose a column; even if nearly half of a column is text, the numbers
+between may be complete stretches. A column with at least as many texts as numbers contains words, a
+few of which happen to be digits. Blank cells count for neither.
 """
 
 import math

@@ -61,8 +61,9 @@ def convert(entry: Entry, signal: Signal) -> Converted:
 def integrated(goal: Floats, t: Floats, integral_time: float) -> Floats:
     """Return the position that a loop on the speed goes to: its goal's integral, and T times it.
 
-    goal (samples,) is held from sample to sample, and so is what is returned: at the integral's
-    mean over each. Where a goal lacks, the last one goes on in the integral, and NaN stands.
+    goal (samples,) is held from sample to sample, and so is the result, at the mean of the integral
+    over each. If a goal is missing, the integral continues with the last one, and the result is
+    NaN.
     """
     known = np.isfinite(goal)
     last = np.maximum.accumulate(np.where(known, np.arange(goal.size), 0))
@@ -77,9 +78,9 @@ def _refuse_beyond(entry: Entry, raw: Floats, modulus: float) -> None:
     known = raw[np.isfinite(raw)]
     if known.size and known.max() - known.min() > modulus:
         raise RecordingError(
-            f"{entry.signal!r} goes from {known.min():g} to {known.max():g}, which is farther than"
-            f" its wraps_at = {modulus:g} allows; give after how many raw numbers it starts anew,"
-            " or leave wraps_at out"
+            f"{entry.signal!r} goes from {known.min():g} to {known.max():g}, which is more than"
+            f" its wraps_at = {modulus:g} allows; give the count after which it wraps, or leave"
+            " wraps_at out"
         )
 
 

@@ -244,7 +244,7 @@ def _whole_rows(
         i = (counted or torn)[0]
         raise RecordingError(
             f"{path.name}: line {numbers[i]} has {len(cells[i])} cells where the table has"
-            f" {len(form.names)}; mend the line, or name delimiter and decimal in [csv]"
+            f" {len(form.names)}; correct the line, or name delimiter and decimal in [csv]"
         )
     left = set(torn)
     kept = [i for i in range(len(rows)) if i not in left]

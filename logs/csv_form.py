@@ -2,7 +2,7 @@
 
 The delimiter and the decimal mark are those with which most cells of a run of lines are numbers.
 The line before the first number names the columns, with units in brackets behind the names or on a
-line of their own. What cannot be found out can be said, in the table [csv] of a recording TOML.
+line of their own. What cannot be detected can be stated in the table [csv] of a recording TOML.
 """
 
 import csv
@@ -129,7 +129,8 @@ def _first_data(
 ) -> int:
     """Return the index of the first line of the table's width with a number in it.
 
-    A line of text and numbers is data with a stray cell, not a header: nothing is lost in silence.
+    A line of text and numbers is data with a stray cell, not a header, so that nothing is lost
+    silently.
     """
     if header_line is not None:
         return int(np.searchsorted(np.asarray(lines.numbers), header_line, "right"))

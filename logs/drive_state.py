@@ -7,9 +7,9 @@
     unit = "V"
     nominal = 12.0              # [V]: what the device file's numbers are at
 
-The force of a drive counts times its supply over the nominal one, and not at all where it is off.
-Both are states, held between their samples as a command is, and act at once: what delays a command
-does not delay them.
+The force of a drive is multiplied by its supply over the nominal one, and is zero while it is off.
+Both are states, held between their samples as a command is, and act at once: the delay of a command
+does not apply to them.
 """
 
 import math

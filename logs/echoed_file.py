@@ -82,7 +82,7 @@ def read_echo(path: Path, data: bytes) -> Source:
         numbers = (number_in(c, ".") for _, at in quantities for c in cells[at : at + len(names)])
         rows.append([np.nan if n is None else n for n in numbers])
     if not rows:
-        raise RecordingError(f"{path.name} holds no joint state that is whole; record it again")
+        raise RecordingError(f"{path.name} has no complete joint state; record it again")
     table, clock = np.array(rows, dtype=np.float64), np.array(stamps, dtype=np.int64)
     told = [f"{name}.{quantity}" for quantity, _ in quantities for name in names]
     signals = {

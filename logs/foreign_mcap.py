@@ -5,13 +5,14 @@ sensor_msgs/msg/JointState it is topic.joint.quantity: "/joint_states.elbow.effo
 the clocks of its messages: log_time, publish_time and, where the messages carry it, header.stamp,
 stamp or timestamp.
 
-A field that is a number in most messages of its topic is a signal with gaps where a message lacks
-it or tells a text in its place; one that fewer messages have keeps the stamps of those alone.
+A field that is a number in most messages of its topic is a signal, with a gap where a message lacks
+it or has a text instead; one that fewer messages have keeps only the stamps of those.
 
 A file with the state of joints is of these: topics of other types than commands are put aside, for
 a description to name, and images, clouds of points and transforms are not decoded at all.
 
-The walk over the file is that of our own logs: a chunk with a wrong checksum is left out and named.
+It walks through the file as through our own logs: a chunk with a wrong checksum is left out and
+named.
 """
 
 import json

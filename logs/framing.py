@@ -126,7 +126,7 @@ class Walk:
         return resumed or self.stop
 
     def _cut_off(self, offset: int) -> bool:
-        """Return True where a record starts at offset that the end of the file cuts short."""
+        """Return whether a record that starts at offset is cut off by the end of the file."""
         self.file.seek(offset)
         head = self.file.read(FRAME)
         opcode, length = struct.unpack("<BQ", head.ljust(FRAME, b"\0"))

@@ -1,8 +1,8 @@
 """What a file seems to hold, for a person to judge: each signal at a glance, a TOML to start from.
 
-A guess is offered, never taken. It goes by units first, in brackets or at the end of a name, then
-by the words of a name; what it cannot know (a scale, counts per revolution) it leaves open, so that
-the draft is refused until someone has filled it in.
+A guess is offered, never used without asking. It goes by units first, in brackets or at the end of
+a name, then by the words of a name; what it cannot know (a scale, counts per revolution) it leaves
+open, so that the draft is refused until someone has filled it in.
 """
 
 import re
@@ -205,7 +205,7 @@ def time_signal(source: Source) -> Signal | None:
 
 
 def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
-    """Return the signal that seems to be time, and why others of that name are none."""
+    """Return the signal that seems to be time, and why other signals named so are not."""
     rows = row_count(source)
     refused: list[str] = []
     for signal in source.signals.values():

@@ -40,7 +40,7 @@ LONGEST = 10_000  # characters of a line
 def table_of(text: str) -> str | None:
     """Return such lines as a table, a blank cell for what a line lacks; None for others.
 
-    Lines that are none, as those that a board writes when it starts, are left out.
+    Other lines are left out, such as those that a board writes when it starts.
     """
     lines = text.splitlines()
     return _labelled(lines) or _behind_arrows(lines)

@@ -6,14 +6,14 @@
     0.0020, 1, 0.13, 0.3
 
 as loggers of a bus write them. Each quantity of each motor becomes a signal, "position 1", with the
-times of its own rows. A column that hardly changes from row to row, as the number of an episode
-does, is left as it is. A column of words may tell the same, a joint or a topic:
+times of its own rows. A column that hardly changes from row to row, such as the number of an
+episode, is left as it is. A column of words may have the same role, for a joint or a topic:
 
     time, topic, value
     0.0000, /cmd/torque, 0.12
     0.0004, /joint/position, 1.04
 
-and where one value stands beside them, the words alone are the name.
+and if there is one value beside them, the words alone are the name.
 """
 
 from collections.abc import Mapping

@@ -1,11 +1,11 @@
 """Stamps that a clock spoiled in a way that can be undone: too coarse, or begun anew.
 
-A clock that counts in steps longer than the sampling period gives several samples one stamp. Where
-a line through stamps over sample numbers misses none by more than such a step, samples were even,
-and the line says when; else those of one stamp are spread over the time to the next. A counter that
-starts anew goes back by the same amount every time, and the stamps then go on. Where a clock begins
-anew where it began, with runs of any length, those are runs one after another, as the episodes of
-a data set are: between them is a gap, which nothing bridges.
+A clock that counts in steps longer than the sampling period gives several samples one stamp. If a
+line through stamps over sample numbers is within one such step of all of them, samples were even,
+and the line gives the times; otherwise samples with one stamp are spread over the time to the next.
+A counter that wraps goes back by the same amount every time; the stamps then continue. If a clock
+starts again at its first value, after runs of any length, these are runs one after another, such as
+the episodes of a data set; between them is a gap, which is not bridged.
 """
 
 import numpy as np
@@ -56,7 +56,7 @@ def _runs(t: Floats) -> tuple[Floats, str] | None:
     if not np.all(np.isfinite(whole)):
         return None
     return whole, (
-        f"the clock begins anew at {t[0]:.6g} s, {times(back.size)}: {back.size + 1} runs are"
+        f"the clock starts again at {t[0]:.6g} s, {times(back.size)}: {back.size + 1} runs are"
         " taken, one after another"
     )
 

@@ -1,10 +1,10 @@
 """What the name of a column says: which quantity, asked or measured, of which joint.
 
-The words stand in `vocabulary.toml`, with their sources. A name is taken apart at capitals, digits
-and signs; the unit at its end is no word of it; letters before a capital that say a type, as in
-`fActPosition` of a PLC, are none either. The last word that names a quantity decides, and words
-before it say whether it is asked or measured: "present current" is a current that is measured,
-"current position" a position that is.
+The words are in `vocabulary.toml`, with their sources. A name is split at capitals, digits and
+signs; a unit at its end does not count as a word, nor do letters before a capital that denote a
+type, as in `fActPosition` of a PLC. The last word that names a quantity decides, and words before
+it say whether it is commanded or measured: "present current" is a measured current, "current
+position" a measured position.
 """
 
 import re
@@ -37,8 +37,8 @@ CLOSE = frozenset(
 class Naming:
     """What a name says.
 
-    quantity: a table of the vocabulary's `[quantity]`, "" for none. weak: it is told by a single
-    letter. joint: the words and numbers besides, by which one joint differs from another.
+    quantity: a table of the vocabulary's `[quantity]`, "" for none. weak: it is indicated by a
+    single letter only. joint: the other words and numbers, by which one joint differs from another.
     """
 
     words: tuple[str, ...]
@@ -74,7 +74,7 @@ def _known() -> dict[str, tuple[str, bool]]:
 
 @cache
 def side_words(side: Literal["near", "far"]) -> frozenset[str]:
-    """Return the words for the side of a device that is driven, or for the other."""
+    """Return the words for the driven side of a device, or for the other side."""
     return frozenset(vocabulary()["side"][side])
 
 
@@ -172,7 +172,7 @@ DESIRED = re.compile(r"(?P<of>d?q|tau_j)_d(?P<joint>\W?\d+\W?)")
 
 
 def _of_desired(own: Mapping[str, str]) -> dict[str, Naming]:
-    """Return the goals of libfranka, "q_d[2]" beside "q[2]" and "dq[2]": else it may be a speed."""
+    """Return libfranka's goals, "q_d[2]" beside "q[2]" and "dq[2]"; alone it may be a speed."""
     quantities = {"q": "position", "dq": "velocity", "tau_j": "torque"}
     found: dict[str, Naming] = {}
     for name in own:
@@ -211,8 +211,8 @@ ENDS: dict[str, Role] = {
 def _of_motor(own: Mapping[str, str]) -> dict[str, Naming]:
     """Return p, v and t of actuators under MIT's protocol (Mini Cheetah, AK, CyberGear).
 
-    A letter alone may be a pressure or a power: p is a position where v stands beside it with the
-    same ending, asked or measured, and t with an ending is a torque then.
+    A single letter may also be a pressure or a power: p is a position if there is a v with the same
+    ending, commanded or measured, and t with an ending is a torque then.
     """
     found = {name: matched for name in own if (matched := MOTOR.fullmatch(name))}
     ends = {m["end"] for m in found.values()}

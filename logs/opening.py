@@ -23,7 +23,7 @@ def opened(path: Path) -> Generator[BinaryIO]:
             raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
         with reading(path).open("rb") as file:
             if not file.read(1):
-                raise LogEmpty(f"{path} is empty; what should have written it left nothing")
+                raise LogEmpty(f"{path} is empty; check the program that wrote it")
             file.seek(0)
             yield file
     except FileNotFoundError:

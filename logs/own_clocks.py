@@ -5,10 +5,10 @@
     0.020, 0.12,       0.011, 1.05
 
 as programs write them that sample several sources, and spreadsheets into which recordings were
-copied side by side. Such a clock is a column that is called time, rises, and is not one with the
-others: it has another number of samples, or runs at other moments. What shares a word with a clock
-is timed by it, else what stands between it and the next. Two times of the same rows, such as that
-of a message and that of its arrival, have no columns between them, and are left as they are.
+copied side by side. Such a clock is a column that is named as a time, rises, and differs from the
+others: it has another number of samples, or other moments. Signals that share a word with a clock
+are timed by it, otherwise those between it and the next clock. Two times of the same rows, such as
+that of a message and that of its arrival, have no columns between them, and are left as they are.
 """
 
 import re

@@ -218,7 +218,7 @@ def _description(path: Path, top: Table) -> Description:
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
-        raise TableError(f"use.from_s is {from_s:g} and use.to_s {to_s:g}; from_s must be the less")
+        raise TableError(f"use.from_s is {from_s:g} and use.to_s {to_s:g}; from_s must be less")
     return Description(
         path,
         top.text("file"),
@@ -242,7 +242,7 @@ def _command(table: Table, top: Table) -> Entry:
     unit = known_unit(entry.unit or "", f"{table.path}.unit").si
     if entry.scale is not None or unit not in (*SI["velocity"], "counts/s"):
         raise TableError(
-            f"{table.path}.integral_time_s is of the goal of a loop on the speed; give the unit of"
+            f"{table.path}.integral_time_s belongs to the goal of a speed loop; give the unit of"
             " a speed, and no scale"
         )
     return replace(entry, integral_time=_positive(table, "integral_time_s"))
@@ -310,7 +310,7 @@ def _wraps_at(table: Table, quantity: str) -> float | None:
     if "wraps_at" not in table:
         return None
     if quantity not in ("position", "command"):
-        raise TableError(f"{table.path}.wraps_at stands at a {quantity}; give it of a position")
+        raise TableError(f"{table.path}.wraps_at is given for a {quantity}; only a position has it")
     return _positive(table, "wraps_at")
 
 
@@ -337,11 +337,11 @@ def _clock(table: Table, top: Table) -> Clock:
     home = table if own else top
     if ("period_s" in home) == ("time" in home):
         given = (
-            "both period_s and time stand" if "time" in home else "neither period_s nor time stands"
+            "both period_s and time are given" if "time" in home else "period_s or time is missing"
         )
         place = f" in {home.path}" if own else ""
         raise TableError(
-            f"{given}{place}; give one, the sampling period or the signal of time stamps"
+            f"{given}{place}; give one: the sampling period, or the signal of time stamps"
         )
     place = table if "time_unit" in table else top
     unit = 1.0

@@ -4,22 +4,22 @@ from zwidth.sim.keys import Key
 
 _CLOCK = (
     ("period_s", "sampling period: the samples are counted", "s", ""),
-    ("time", "the signal of the time stamps, or of MCAP messages a clock: log_time, publish_time,"
-     " header.stamp, stamp, timestamp", "", ""),
-    ("time_unit", "of the stamps: s, ms, us, ns or min", "", '"s"'),
+    ("time", "the signal of the time stamps; for MCAP a clock of the messages: log_time,"
+     " publish_time, header.stamp, stamp, timestamp", "", ""),
+    ("time_unit", "unit of the stamps: s, ms, us, ns or min", "", '"s"'),
 )  # fmt: skip
 _SIGNAL = (
     ("signal", "a column, a variable, or topic.field", "", "", '"torque"'),
-    ("file", "where the signal is, if in another file than the recording's; its samples are at the"
-     " times in the recording's file", "", "the recording's", '"torque.txt"'),
-    ("unit", "of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
-    ("scale", "SI per raw number, or per SI unit of the kind that unit names", "", "1", "35.15"),
+    ("file", "file of the signal, if another than the recording's, with samples at the times in"
+     " the recording's file", "", "the recording's", '"torque.txt"'),
+    ("unit", "unit of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
+    ("scale", "factor to SI; with unit, raw numbers are converted by it first", "", "1", "35.15"),
     ("offset", "added after the scale", "SI", "0", "0.0"),
     ("counts_per_rev", "edges of an encoder in a turn (lines times four), with unit counts", "",
      "none", "4000"),
     ("counts_per_m", "edges of an encoder in a metre, with unit counts", "", "none", "1e6"),
-    ("wraps_at", "raw numbers after which a position starts anew, as a counter of 16 bits does"
-     " after 65536", "raw", "goes on", "65536"),
+    ("wraps_at", "count after which a position starts again at 0, such as 65536 for a counter of"
+     " 16 bits", "raw", "none", "65536"),
     ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
 )  # fmt: skip
 _EXAMPLES = {
@@ -37,24 +37,24 @@ _COVARIATE = (
     ("signal", "a column, a variable, or topic.field: a temperature, a supply, a load that"
      " parameters may follow linearly", "", "", '"temp"'),
     _SIGNAL[1],
-    ("unit", "as it is written; nothing is converted by it", "", "none", '"degC"'),
-    ("scale", "times the raw numbers", "", "1", ""),
+    ("unit", "unit, as it is to be written; nothing is converted by it", "", "none", '"degC"'),
+    ("scale", "factor of the raw numbers", "", "1", ""),
     ("offset", "added after the scale", "", "0", ""),
     _SIGNAL[-1],
 )  # fmt: skip
 
 
 _OWN_PHYSICS = (
-    ("effect", "an effect that the device file has, or that is to be found; the parameters of one"
-     " that it has stand beside, as in the device file", "", '"gravity_pendulum"'),
+    ("effect", "an effect of the device file, with its parameters as there, or one that is still to"
+     " be found", "", '"gravity_pendulum"'),
     ("at", "its place", "", '"m1"'),
-    ("more", "by how much more of a parameter there was in this run than in others", "none",
+    ("more", "by how much a parameter was larger in this run than in others", "none",
      "{ level = 0.93 }"),
-    ("times", "or how many times as much", "none", "{ level = 2.18 }"),
+    ("times", "or by which factor it was larger", "none", "{ level = 2.18 }"),
 )  # fmt: skip
 _FREE = (
-    ("ground_spring", "a word: runs that say the same one share a value, and each word has one of"
-     " its own, to be fitted; likewise masses, ground_dampers, link_springs, link_dampers",
+    ("ground_spring", "a word: runs with the same word share a fitted value;"
+     " likewise masses, ground_dampers, link_springs, link_dampers",
      '"stiff"'),
     ("position", "where positions are counted from", '"stiff"'),
     ("EFFECT@PLACE.PARAMETER", "a number of any effect, in the device file or to be found; the key"
@@ -79,7 +79,7 @@ def _signals(table: str) -> tuple[Key, ...]:
         if not (of_drive and name.startswith(("counts_", "wraps_")))
     )
     clocks = tuple(
-        Key(table, name, f"as at the top, where this stream has a clock of its own: {meaning}",
+        Key(table, name, f"as at the top, for a stream with a clock of its own: {meaning}",
             unit, default="that of the top")
         for name, meaning, unit, _ in _CLOCK
     )  # fmt: skip
@@ -88,7 +88,7 @@ def _signals(table: str) -> tuple[Key, ...]:
 
 RECORDING_KEYS: tuple[Key, ...] = (
     Key("", "schema", "version of this format", default="1", example="1"),
-    Key("", "file", "the data, by its path from this TOML", example='"data.csv"'),
+    Key("", "file", "path of the data, relative to this TOML", example='"data.csv"'),
     Key("", "source", "where the recording comes from", default='""'),
     Key("", "rotary", "true: N m and rad; false: N and m", default="as a unit shows",
         example="true"),
@@ -98,35 +98,35 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("", "resample", "true: all streams onto one axis of the longest period; a number: of that"
         " period", "s", default="false"),
     *_signals("input"),
-    Key("input", "integral_time_s", "the signal is the goal of a loop on the speed that integrates,"
-        " of that integral time (proportional over integral gain): the command becomes the integral"
-        " of the goal and this many times the goal, a position to go to", "s", default="none",
+    Key("input", "integral_time_s", "integral time (proportional over integral gain) of a speed"
+        " loop whose goal is the signal: the command becomes the integral of the goal plus this"
+        " times the goal, which is the goal of a position", "s", default="none",
         example="0.13"),
     *_signals("output"),
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),
     *_signals("enable"),
     *_signals("supply"),
-    Key("supply", "nominal", "the voltage that the device file's numbers are at", "V",
+    Key("supply", "nominal", "voltage at which the device file's numbers hold", "V",
         example="12.0"),
-    Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
+    Key("output", "at", "the mass: m1 to m5", example='"m1"'),
     *_signals("base"),
-    Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"
-        " which its outputs are counted", example='"acceleration"'),
+    Key("base", "quantity", "position, velocity or acceleration of what the device stands on; its"
+        " outputs are measured relative to that", example='"acceleration"'),
     *_signals("known_force"),
-    Key("known_force", "at", "the mass that it acts on, besides the command: m1 to m5",
+    Key("known_force", "at", "the mass on which it acts besides the command: m1 to m5",
         example='"m1"'),
     *_signals("joint"),
-    Key("joint", "name", "of another joint of the robot, as its model calls it, whose position this"
-        " is (--known-torque)", example='"elbow"'),
+    Key("joint", "name", "name of the joint in the robot's model whose position this is"
+        " (--known-torque)", example='"elbow"'),
     *_signals("covariate"),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),
-    Key("csv", "delimiter", "between the cells of a text table", default="found out"),
-    Key("csv", "decimal", "the decimal point or comma", default="found out"),
+    Key("csv", "delimiter", "character between the cells of a text table", default="detected"),
+    Key("csv", "decimal", "the decimal point or comma", default="detected"),
     Key("csv", "header_line", "the line that names the columns; 0: none does",
-        default="found out"),
-    Key("device", "masses", "as the device's own file would say in this run; likewise"
+        default="detected"),
+    Key("device", "masses", "value in this run, as in a device file; likewise"
         " ground_dampers, ground_spring, link_springs, link_dampers, delay_s, command_limit,"
         " command_gain and [[device.physics]]", "kg m2", "kg", default="the device file's"),
     *(Key("device.physics", name, meaning, default=default, example=example)

@@ -1,4 +1,4 @@
-"""Streams onto one time axis, only where it was asked for.
+"""Brings streams onto one time axis, only on request.
 
 A sensor's value is interpolated between the samples around the instant. A command is held: its
 value is the last one given. Where the axis is coarser than the command's own period,

@@ -1,9 +1,10 @@
 """Which signal of a file drives, and which are the motion that answers: by names, then by numbers.
 
-Names say what is measured and what is asked (`logs/names.py`). Among the joints of a robot the one
-that moves is taken, with what drives that joint. What names leave open, numbers decide where they
-can: whether an "action" is a goal that the position follows, whether "v" is a speed or a voltage,
-whether a speed is a measurement of its own. Every choice among several is a sentence.
+Names say what is measured and what is commanded (`logs/names.py`). Of the joints of a robot the one
+that moves most is taken, with what drives that joint. Where names are ambiguous, numbers decide if
+they can: whether an "action" is a goal that the position follows, whether "v" is a speed or a
+voltage, whether a speed is a measurement of its own. Every choice among several is reported in a
+sentence.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +33,7 @@ FIRST = {"torque": 0, "input": 1, "current": 2, "voltage": 3, "duty": 4}
 
 
 def differing(names: Mapping[str, Naming]) -> dict[str, tuple[str, ...]]:
-    """Return by which words each of several names differs from the others: its joint."""
+    """Return the words by which each of several names differs from the others: its joint."""
     sets = [set(one.joint) for one in names.values()]
     common = set.intersection(*sets) if sets else set[str]()
     return {key: tuple(w for w in one.joint if w not in common) for key, one in names.items()}
@@ -69,7 +70,7 @@ def follows(goal: Signal, motion: Signal) -> bool:
 class Speed:
     """How a speed stands to a position: correlation with its slope, size over it, and news.
 
-    news: share of it that no difference of neighbouring positions gives.
+    news: the share of it that differences of neighbouring positions do not explain.
     """
 
     correlation: float

@@ -1,12 +1,12 @@
 """Readings that repeat the one before because no new one was there.
 
-Two kinds. A sensor that is read more slowly than the log is written repeats every reading as often:
-all its changes then come at one place in every h samples, which motion does not arrange. And a
-reading may be late now and then: while a position runs by several of its steps a sample, past what
-its noise could take back, two that are equal to the last digit are one reading.
+Two kinds. A sensor that is read more slowly than the log is written repeats every reading equally
+often: all its changes then come at one place in every h samples, which no motion does. And a
+reading may be late now and then: while a position moves by several of its steps per sample, more
+than its noise could cancel, two values that are equal to the last digit are one reading.
 
-The first is no recording at the log's rate, and is said with the rate to take instead; the second
-is put right by a spline through the readings that are new.
+A recording of the first kind is refused, with the rate to use instead; the second is corrected by a
+spline through the new readings.
 """
 
 from collections.abc import Sequence

@@ -1,13 +1,13 @@
 """Stretches of a recording in which no sample lacks: what may be computed on is one of these.
 
-A sample lacks where its row is missing, which the clock shows by a jump, and where a value of its
-row is no finite number: a sensor that begins late, a cell of text, an empty one. Both are the same,
-so rows without a number are taken out, and the clock then jumps over them.
+A sample is missing if its row is missing, which the clock shows by a jump, or if a value of its row
+is no finite number: a sensor that begins late, a cell of text, an empty one. Both are treated the
+same: rows without a number are removed, and the clock then jumps over them.
 
-Short gaps need not cut a recording: `bridged` puts ticks into them, and says which. What was not
-measured there goes on by a monotone cubic through its neighbours, to look at and never to be judged
-by. A command that was not recorded either has to be told by its neighbours, and a gap stays one
-where a straight line between them does not tell it: it would push the device by a wrong force.
+Short gaps need not cut a recording: `bridged` inserts ticks, and marks them. Missing measurements
+are replaced there by a monotone cubic through their neighbours, for pictures and never for judging.
+A missing command has to follow from its neighbours; if a straight line between them does not
+represent it, the gap stays one, since the device would be driven by a wrong force.
 """
 
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ MOST_BRIDGED = 0.5  # share of the samples
 
 
 def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return the samples at which all these channels have a finite value, and what lacks.
+    """Return the samples at which all these channels have a finite value, and a note on the others.
 
     The sentence counts the samples taken out, names the channels, and is "" where there are none.
     """
@@ -76,7 +76,7 @@ class Bridged(NamedTuple):
 
 
 def bridged(kept: Trace, whole: Trace, channels: Sequence[str], period: float) -> Bridged:
-    """Return a trace without samples that lack with ticks put into gaps of `LONGEST_BRIDGED`.
+    """Return a trace without missing samples, with ticks inserted in gaps of `LONGEST_BRIDGED`.
 
     kept: of `without_gaps`, perhaps put right since. whole: before that, whose rows may know a
     command where nothing was measured. channels: what is computed on; period [s].

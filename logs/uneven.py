@@ -1,14 +1,14 @@
 """Samples at uneven instants, brought onto even ticks where the motion shows that they were uneven.
 
-A loop that a busy host runs samples when it gets to it, and stamps what it did; a logger that
-writes late stamps what was sampled evenly. Both files look alike, and the motion tells them apart.
-What a cubic through the two neighbours on each side leaves of a sample at index k,
+A loop on a busy host samples late, and stamps the true times; a logger on one stamps late what was
+sampled evenly. Both files look alike, and the motion distinguishes them. The difference between a
+sample at index k and the cubic through its two neighbours on each side,
 
     r_k = y_k - (4 (y_(k-1) + y_(k+1)) - (y_(k-2) + y_(k+2))) / 6,
 
-is b v_k d_k + noise, where d_k is what the same cubic leaves of the stamp and v_k the slope there:
-b is 1 where samples were taken when their stamps say, and 0 where they were even. The cubic takes
-any drift of the clock with it. Least squares over all samples and outputs gives b and its error.
+is b v_k d_k + noise, where d_k is the same difference of the stamp and v_k the slope there: b is 1
+if samples were taken at their stamps, and 0 if they were even. The cubic also removes any drift of
+the clock. Least squares over all samples and outputs gives b and its error.
 
 Onto even ticks outputs come by a cubic spline, whose error is of the fourth order in the interval;
 of a command, which is held, the mean over each tick is taken, which has the same impulse. Limits: a

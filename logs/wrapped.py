@@ -2,11 +2,11 @@
 
     y_k - y_(k-1) = (q_k - q_(k-1)) - M or + M,    M what the counter holds, or a turn.
 
-Told from anything that moves so: every such step is of one size; before and after it the motion
-goes on at its own pace; all readings lie within M; and both ends and the middle of it are visited,
-as by one reading gone wrong, and by what switches, they are not. M is a turn where it is one to a
-hundredth, else a power of two of the reading's steps where it is one to as much, else what the
-steps say in the mean.
+It is distinguished from a motion by four signs: every such step has one size; before and after it
+the motion continues at its own pace; all readings lie within M; and both ends and the middle of it
+are visited, which is not so for a single wrong reading or a switch. M is a turn if it agrees with
+one to a hundredth, else a power of two of the reading's steps if it agrees as well, else the mean
+of the steps.
 """
 
 import math
@@ -56,11 +56,11 @@ def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace,
         said.append(f"{channel} of {name} starts anew every {size:.6g}{unit}, {times(at.size)}")
     if not said:
         return trace, ""
-    return trace.with_channels(channels), f"{'; '.join(said)}: it is taken as one that goes on"
+    return trace.with_channels(channels), f"{'; '.join(said)}: it is continued"
 
 
 def _wraps(values: Floats) -> tuple[NDArray[np.int64], float] | None:
-    """Where a position starts anew, the sample before, and M; None where it does not."""
+    """The samples before which a position wraps, and M; None if it does not."""
     steps, span = np.diff(values), float(np.ptp(values))
     at = np.flatnonzero(np.abs(steps) > FAR * span)
     if at.size == 0:

@@ -1,9 +1,9 @@
 """Times as programs write them, "2025-11-12T10:03:29.555Z" or "10:03:29.555", as numbers.
 
-A column of them becomes whole nanoseconds: since 1970 where the day is told, else since midnight,
-and past midnight it goes on. Fractions may stand after a point, a comma or a colon. A zone is taken
-off; where nothing tells it, none is needed, since only differences count. Of 3/5/2024 the month is
-taken to come first unless that cannot be, of 3.5.2024 the day.
+A column of them becomes whole nanoseconds: since 1970 if the day is given, else since midnight,
+continuing past midnight. Fractions may follow a point, a comma or a colon. A zone is subtracted;
+without one none is needed, since only differences count. In 3/5/2024 the month is assumed to come
+first unless that is impossible, in 3.5.2024 the day.
 """
 
 import calendar

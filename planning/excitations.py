@@ -1,9 +1,9 @@
 """A library of excitations, each as strong as a device bears, and as scenario files that play.
 
-`zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). How
-strong: the largest command is the level, the largest travel of the simulated device is the travel,
-whichever is met first. Slow signals on a device without a spring are held by the travel: friction
-that the device file does not know makes a real device go less far.
+`zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). The
+strength is limited by the largest command (level) and by the largest travel of the simulated
+device, whichever comes first. Slow signals on a device without a spring are limited by the travel;
+friction that the device file does not contain makes a real device travel less.
 """
 
 from collections.abc import Callable, Mapping, Sequence

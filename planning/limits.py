@@ -7,14 +7,14 @@ matched filter that may refit all of that sees the effect at
 
     sigma = |(I - P) s|,    P the projector on the span of J:
 
-the square root of the chi-square that a fit gains by the effect where the effect is true (for one
-parameter this is the Cramer-Rao bound). An effect that is itself among the absorbed is not absorbed
-by itself. Signatures of clipping, free play and steps are not linear in magnitude, so the magnitude
-at which sigma = 5 is found by bracketing it, and not by dividing. The clock's skew does all that a
-delay does, and is paid by its prior alone: a delay of d stands d over the prior's width at most.
+which is the square root of the chi-square that a fit gains by the effect if the effect is true (for
+one parameter this is the Cramer-Rao bound). An effect that is itself among the absorbed is not
+absorbed by itself. Signatures of clipping, free play and steps are not linear in magnitude, so the
+magnitude at which sigma = 5 is found by bracketing. The clock's skew has the effect of a delay and
+is only limited by its prior: a delay of d has a sigma of at most d over the prior's width.
 
-Limits of this: J and s are taken at one device on one recording. Of an encoder's step only what a
-prediction gains by it is counted, not that all values then lie on one lattice.
+Limits: J and s are computed for one device on one recording. Of an encoder's step only the gain in
+prediction is counted, not the fact that all values then lie on one lattice.
 """
 
 from collections.abc import Callable

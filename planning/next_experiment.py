@@ -1,9 +1,9 @@
 """What to record next, so that two effects that look alike are told apart.
 
-Every excitation of the library is rehearsed on the fitted device, and the effects are held against
-each other on it as they were found: |s_a - s_b(p) - J x| with b's parameters p and the refit x
-fitted, and the other way round. The excitation at which the nearer of the two is furthest wins. It
-is as strong as the recording was, goes half as far again, and lasts as long.
+Every excitation of the library is simulated on the fitted device, and the two effects are compared
+on it as they were found: |s_a - s_b(p) - J x| with b's parameters p and the refit x fitted, and
+with a and b exchanged. The excitation for which the smaller of the two distances is largest wins.
+It is as strong as the recording, has half as much more travel, and the same length.
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,9 @@
 """What a recording would show, before it is made: the limits, and what it could not tell apart.
 
-The recording is rehearsed (simulated with its noise) and read as `planning.limits` reads a real
-one. Every effect gets the smallest magnitude that stands at five sigma; then each effect at
-`ALIKE` times its limit is held against every other one, at the shapes and the strength at which
-that one comes nearest to first order.
+The recording is simulated with its noise and read as `planning.limits` reads a real one. The
+smallest magnitude at five sigma is found for every effect. Then each effect at `ALIKE` times its
+limit is compared with every other one, at the shapes and the strength at which that one is nearest
+to first order.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,9 +39,8 @@ Advance = Callable[[str], object]
 class Visible:
     """The smallest magnitude of an effect that shows: physics at five sigma, None for never.
 
-    name: of the parameter that is its magnitude; unit: of that. natural: the magnitude that would
-    be all of what the experiment moves by: a friction as large as the command, a gap as the link's
-    stretch.
+    name: of the parameter that is its magnitude; unit: of that. natural: the reference magnitude
+    for a share: a friction as large as the command, a gap as large as the link's stretch.
     """
 
     label: str

@@ -1,8 +1,8 @@
 """A recording as it would be: a device played a command, seen through noise.
 
-What an experiment will show is computed before it is made, so the recording is simulated, with the
-noise that the rig is believed to have: a random force at m1, new every tick, and noise of what is
-measured.
+The information of an experiment is computed before it is made, so the recording is simulated, with
+the noise that the rig is believed to have: a random force at m1, new every tick, and noise of the
+measurement.
 """
 
 from collections.abc import Sequence

@@ -3,7 +3,8 @@
 Matrix exponentials, eigenvalues, library functions and random streams differ in their last bits, or
 altogether, between processors and library versions; the tick itself does not. So these numbers go
 into the log, and a replay uses them in place of its own. Those that make the device must agree with
-the device in the log; a drawn or sampled signal (disturbance, controller) may differ: it is said.
+the device in the log; a drawn or sampled signal (disturbance, controller) may differ, which is
+reported.
 """
 
 from dataclasses import replace

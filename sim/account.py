@@ -1,7 +1,7 @@
 """What the kernel is asked for: each call is counted, for whoever wants to know what work costs.
 
-A member-tick is one tick of one device. Whoever counts sets `BOOK`; calls on other threads count
-too, since `jobs.parallel` hands the context on.
+A member-tick is one tick of one device. To count, set `BOOK`; calls on other threads count too,
+since `jobs.parallel` passes the context on.
 """
 
 import time

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class OutputBand:
-    """Free runs of one output over windows, on data that nothing was fitted to.
+    """Free runs of one output over windows, on data that were not fitted.
 
-    name: of the output, "position_m1"; error, noise, motion [unit of the output]: rms of what free
-    runs err by, of what one step ahead errs by, and of what was measured about the mean of each
-    window. scatter: standard deviation of the mean squares of the windows, over their mean.
+    name: of the output, "position_m1"; error, noise, motion [unit of the output]: rms error of free
+    runs, rms error one step ahead, and rms of the measurement about the mean of each window.
+    scatter: standard deviation of the mean squares of the windows, over their mean.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -32,11 +32,11 @@ class OutputBand:
 
 @dataclass(frozen=True)
 class Band:
-    """What a diagnosis measured of the device that it wrote, for `zwidth check` to hold it to.
+    """What a diagnosis measured of its device, with which `zwidth check` compares later runs.
 
-    window [s]: of a free run; windows: how many there were; ratio: of the observer from whose state
-    each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that were
-    corrected in the recordings, which are no news in the next ones.
+    window [s]: length of a free run; windows: how many there were; ratio: of the observer in whose
+    state each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that
+    were corrected in the recordings, which need not be reported for later ones.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """

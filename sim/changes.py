@@ -1,17 +1,17 @@
 """Known differences of a device in one run: a payload, another spring, a lower limit.
 
-A recording says what its own device file would say (`[device]` of the recording TOML). What is
-known is the difference to the device's file, and it is put on whatever a fit makes of the device: a
-payload of 0.493 kg adds 0.493 kg to a fitted mass,
+A recording states what was different about its device, with the keys of a device file (`[device]`
+of the recording TOML). The difference from the device's file is known, and is applied to whatever a
+fit makes of the device: a payload of 0.493 kg adds 0.493 kg to a fitted mass,
 
     m = m_fitted + (m_run - m_file),
 
-so that masses, springs, dampers, delay and numbers of physics add, and a limit replaces. Of an
-effect that the file does not have, because it is to be found, a run may say how much more of it
-there is: `more = { level = 0.93 }` for a payload of that weight times lever more, which is a known
-force and so tells what all other forces count; `times = { level = 2.18 }` where only the ratio is
-known. Nothing of it is fitted. A fit may walk to where a mass less its payload would be negative:
-of a mass or a spring at least `LEAST` of what the run says remains.
+Masses, springs, dampers, delay and numbers of physics are added in this way; a limit replaces the
+device's own. For an effect that is not in the file because it is still to be found, a run may state
+how much more of it there was: `more = { level = 0.93 }` for a payload that adds this weight times
+lever, a known force that determines the scale of all others; or `times = { level = 2.18 }` if only
+the ratio is known. None of this is fitted. A fit may try values at which a mass less its payload
+would be negative: at least the share `LEAST` of the stated mass or spring remains.
 """
 
 import math
@@ -44,9 +44,9 @@ class Changes:
 
     chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
     at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
-    times the device's; whoever takes the command reads it. physics: values to be added, by
-    effect@place; factors: what to multiply those by that are the drive's (`Effect.of_drive`), or of
-    which a run says so.
+    multiplies the device's; whoever uses the command applies it. physics: values to be added, by
+    effect@place; factors: multipliers, for numbers that belong to the drive (`Effect.of_drive`) or
+    that a run gives as a ratio.
     """
 
     chain: Chain
@@ -67,7 +67,7 @@ class Changes:
         return replace(changed, physics=own)
 
     def of_members(self, members: Members) -> Members:
-        """Return members as they were in the run; bit for bit what `of` makes of each."""
+        """Return members as they were in the run; bit for bit the result of `of` for each."""
         changed = replace(members, chains=Chains(*self._chain(members.chains)))
         changed = changed.with_interface(**self._interface(members.of_interface("delay")))
         more, times, values = dict(self.physics), dict(self.factors), list(changed.values)
@@ -109,7 +109,7 @@ def _changed(physics: Physics, factors: Mapping[str, float], added: Mapping[str,
 
 
 def difference(before: Device, after: Device) -> Changes:
-    """Return what makes one device of another that has the same masses and effects."""
+    """Return the change from one device to another with the same masses and effects."""
     added = [np.subtract(b, a) for a, b in zip(before.chain, after.chain, strict=True)]
     least = [LEAST * np.asarray(numbers) for numbers in after.chain]
     other = {place_label(p): p.values for p in after.physics}
@@ -127,7 +127,7 @@ def difference(before: Device, after: Device) -> Changes:
 
 
 def beside(known: Changes | None, more: Changes) -> Changes:
-    """Return what was known to be different and what was more different besides."""
+    """Return the known differences together with further ones."""
     if known is None:
         return more
     values: dict[str, dict[str, float]] = {}
@@ -142,12 +142,12 @@ def beside(known: Changes | None, more: Changes) -> Changes:
 
 
 def known_changes(table: Table) -> Table:
-    """Return the table `[device]` of a recording if it has no other keys than it may have."""
+    """Return the table `[device]` of a recording; raises for keys that it may not have."""
     return table.only(KEYS)
 
 
 def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
-    """Return what a run adds to a device, of the table that says what its own file would say.
+    """Return what a run adds to a device, from the table that describes it.
 
     Raises DeviceError with one sentence: a mechanism given as modes, another number of masses or
     links, a value that is not allowed, an effect that the device's file does not have.
@@ -157,8 +157,8 @@ def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
         return None
     if device.modal is not None and any(key in own for key in (*ARRAYS, "ground_spring")):
         raise DeviceError(
-            "[device] of a recording gives masses and springs of a device that is given as modes;"
-            " give its mechanism as [chain]"
+            "[device] of a recording changes masses or springs, but the device file describes"
+            " modes; describe its mechanism by [chain]"
         )
     said = {key: own.numbers(key) for key in ARRAYS if key in own}
     for key, values in said.items():
@@ -198,10 +198,10 @@ Labelled = tuple[tuple[str, Mapping[str, float]], ...]
 
 
 def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labelled]:
-    """Return what to add to the numbers of effects and what to multiply them by, by label.
+    """Return what to add to the numbers of effects, and by what to multiply them, by label.
 
-    What scales with what a command does, and is not zero, is multiplied: whatever a fit makes of
-    the drive, a loop of four times the gain has four times that.
+    Numbers that scale with the effect of the command, and are not zero, are multiplied: a loop of
+    four times the gain has four times each of them, whatever a fit makes of the drive.
     """
     added: dict[str, dict[str, float]] = {}
     factors: dict[str, dict[str, float]] = {}
@@ -215,7 +215,7 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
             hint = nearest(label, known) if known else "it has none"
             raise DeviceError(
                 f"{table.path} of the recording is {label}, which the device file does not have;"
-                f" {hint}; of what is to be found say how much more there is: more = {{...}}"
+                f" {hint}; for an effect that is still to be found, give more = {{...}}"
             )
         values, scales = known[label].values, known[label].effect.of_drive
         table.only(("effect", "at", *SOUGHT, *values))
@@ -230,14 +230,15 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
 
 
 def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float]]:
-    """Return what numbers of an effect are multiplied by and what is added to them.
+    """Return the factors and the additions of an effect's numbers.
 
-    Whatever they are found to be. Only magnitudes: what there is nothing of has nothing else.
+    These apply to whatever value is found. Only magnitudes are changed, since an effect of
+    magnitude zero has no other numbers.
     """
     name, at = table.only(("effect", "at", *SOUGHT)).text("effect"), table.text("at")
     if name not in EFFECTS or at not in EFFECTS[name].places:
         hint = nearest(at, EFFECTS[name].places) if name in EFFECTS else nearest(name, EFFECTS)
-        raise DeviceError(f"{table.path} of the recording is {label}, which there is not; {hint}")
+        raise DeviceError(f"{table.path} of the recording is {label}, which is unknown; {hint}")
     allowed = [p.name for p in EFFECTS[name].parameters if p.role == "magnitude"]
     found: list[dict[str, float]] = []
     for key in ("times", "more"):

@@ -29,7 +29,7 @@ SIGNATURE = types.float64(types.int64, types.float64, types.float64, types.float
 
 
 def compile_step(step: Step) -> Any:
-    """Compile a control law; raises ValueError with the reason where numba cannot."""
+    """Compile a control law; raises ValueError with numba's reason if it cannot be compiled."""
     if numba.config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         return step
     source = getattr(step, "py_func", step)
@@ -46,7 +46,7 @@ def compile_step(step: Step) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Return the line that says why, out of numba's report."""
+    """Return the line of numba's report that gives the reason."""
     lines = (line.strip() for line in str(error).splitlines())
     said = (line for line in lines if line and not line.startswith("Failed in"))
     return next(said, type(error).__name__).removesuffix(", defined at None")
@@ -56,9 +56,9 @@ def _reason(error: Exception) -> str:
 class Controller:
     """A named law with its parameters.
 
-    kind: the name under which a scenario finds it again ("wall", "recorded", "none", or a user's).
-    step: compiled with `compile_step`. parameters: the values `step` reads. memory: how many values
-    it keeps from tick to tick (at least 1). facts: the parameters in words, for the log.
+    kind: the name of the law in scenarios ("wall", "recorded", "none", or a user's). step: compiled
+    with `compile_step`. parameters: the values that `step` reads. memory: how many values it keeps
+    from tick to tick (at least 1). facts: the parameters in words, for the log.
     """
 
     kind: str
@@ -77,8 +77,8 @@ class Controller:
 def user_controller(step: Step, parameters: Floats | None = None, memory: int = 1) -> Controller:
     """Make a controller of a user's own function; its name and source hash go into the log.
 
-    parameters (any,): what the law reads as p. memory: how many values it keeps as m. Raises
-    ValueError for what is no function, does not compile, or parameters that are not one row.
+    parameters (any,): passed to the law as p. memory: number of values of m. Raises ValueError if
+    the law is no function or does not compile, or if the parameters are not one row.
     """
     source = getattr(step, "py_func", step)
     if not inspect.isfunction(source):

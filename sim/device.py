@@ -33,7 +33,7 @@ MASSLESS = 1e-15  # of m1, of what stands in the place of a mass and is a filter
 
 
 class DeviceError(ValueError):
-    """A device, or a device file, that cannot be; the message is one sentence."""
+    """A device, or a device file, that is not possible; the message is one sentence."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +81,7 @@ class Device(Shown):
                     f"{label} belongs to {home(physics)}, not to physics; add it by with_physics"
                 )
             if label in seen:
-                raise DeviceError(f"{label} stands twice in physics; give it once")
+                raise DeviceError(f"{label} is twice in physics; give it once")
             seen.add(label)
             if physics.effect.rotary_only and not self.rotary:
                 raise DeviceError(f"{label} needs an angle; a device with rotary = false has none")
@@ -116,15 +116,15 @@ class Device(Shown):
     def plant(self) -> Plant:
         """Return the linear equations, without delay and quantisation.
 
-        The amplifier's lag is in them, and springs to ground and extra masses, which come after
-        those of the chain in the order of physics.
+        They include the amplifier's lag, springs to ground and extra masses, which follow those of
+        the chain in the order of physics.
         """
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
         """Return, for each mass that an effect adds, the index of the mass to which it is attached.
 
-        After them, which place each filtered reading follows.
+        Then the place that each filtered reading follows.
         """
         hung = self.hung()
         filters = filters_of([(p, p.values) for p in self.physics])
@@ -204,7 +204,7 @@ class Device(Shown):
     def bare(self) -> "Device":
         """Return the device without effects, but for its linear drive and filters of readings.
 
-        These are a drive whose command is a goal, and what filters a reading.
+        These are a drive whose command is a goal, and filters of readings.
         """
         kept = tuple(p for p in self.physics if p.effect.sought == "given" or p.effect.follows)
         return self if len(kept) == len(self.physics) else replace(self, physics=kept)
@@ -232,8 +232,8 @@ class Device(Shown):
 def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) -> Plant:
     """Return the linear equations of a chain with effects, each with its values (`Device.plant`).
 
-    Of many chains with values (...) where they all have the same further masses, and all lag or
-    none.
+    Also for many chains with values (...) if all have the same further masses, and all lag or none
+    does.
     """
     structure: Matrices = matrices(chain)
     lag: float | Floats = 0.0
@@ -260,7 +260,7 @@ def filters_of(effects: Iterable[tuple[Physics, Numbers]]) -> list[Place]:
 
 
 def _with_massless(structure: Matrices, count: int) -> Matrices:
-    """M, C, K with so many more places, in which filtered readings stand."""
+    """M, C, K with room for filtered readings."""
     room = [(0, 0)] * (structure.mass.ndim - 2) + [(0, count)] * 2
     grown = Matrices(*(np.pad(matrix, room) for matrix in structure))
     for place in range(structure.mass.shape[-1], structure.mass.shape[-1] + count):
@@ -283,12 +283,12 @@ def home(physics: Physics) -> str | None:
 
 
 def has_needed(effect: Effect, device: Device) -> bool:
-    """Whether the device has what an effect needs to have a part in it."""
+    """Whether the device has the effect that another one needs."""
     return not effect.needs or any(p.effect.name == effect.needs for p in device.physics)
 
 
 def known(effect: Effect, place: Place, device: Device) -> bool:
-    """Whether the device has the quantity that this effect would set, or has no use for it."""
+    """Whether the device already has the quantity of this effect, or cannot use it."""
     home = effect.in_interface
     if effect.sought in ("given", "learned") or not has_needed(effect, device):
         return True
@@ -303,13 +303,13 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
 def has_room(effect: Effect, masses: int) -> bool:
     """Whether a device of so many masses, its effects' included, may have another effect.
 
-    Of what filters readings that is so where each of them has a reading.
+    With filtered readings this holds if each filter has a reading.
     """
     return masses * (2 if effect.follows else 1) + effect.adds_mass <= MASSES_IN_ALL
 
 
 def warnings_of(device: Device) -> list[str]:
-    """Return what a user should know about the device, a line each."""
+    """Return the warnings about the device, a line each."""
     negative = negative_dampers(device.chain)
     if not negative:
         return []

@@ -4,10 +4,10 @@
     [uncertainty]; [band] with [[band.output]]; [posterior]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
-m_kg, b_ns_per_m on a linear one. [drive] is what a data sheet says of motor and amplifier
-(`sim.drive`); a device keeps what follows from it, and is written so. [uncertainty] says how well
-the rest is known, as shares of it. [band] is what a diagnosis measured of the device,
-[posterior] how well it knows its numbers together.
+m_kg, b_ns_per_m on a linear one. [drive] has the data sheet of motor and amplifier (`sim.drive`); a
+device stores the values that follow from it, and is written with these. [uncertainty] states how
+well the other values are known, as shares of them. [band] and [posterior] come from a diagnosis:
+the errors of the device's free runs, and the joint uncertainty of its parameters.
 """
 
 import hashlib
@@ -108,9 +108,9 @@ def shipped_devices() -> list[str]:
 
 
 def remarks_on(device: Device) -> list[str]:
-    """Return what a command says of a device before its work, a line each (`warnings_of`).
+    """Return the warnings that a command prints about a device, a line each (`warnings_of`).
 
-    Nothing on the mechanism of a shipped device, of which `zwidth devices NAME` says it.
+    None about the mechanism of a shipped device, which `zwidth devices NAME` explains.
     """
     remarks = warnings_of(device)
     known = (load_device(name).chain for name in shipped_devices()) if remarks else ()
@@ -145,10 +145,10 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
 
 
 def _sized(device: Device, where: str) -> Device:
-    """Return a device whose numbers are of a size that can be simulated.
+    """Return the device, if its numbers have a size that can be simulated.
 
     Raises DeviceError for others, which are slips of a unit or of an exponent: a kernel would
-    overflow, or a run take years. Of a modal device it is the chain that it is of.
+    overflow, or a run take years. For a modal device, that of the equivalent chain.
     """
     for field, (least, most, unit) in SIZES.items():
         for value in np.atleast_1d(getattr(device.chain, field)).tolist():
@@ -189,7 +189,7 @@ def model_hash(device: Device) -> str:
 def device_to_text(device: Device) -> str:
     """Return the device file, whose numbers read back exactly.
 
-    Every key of the interface, and of the uncertainty what differs from the default.
+    Every key of the interface, and those of the uncertainty that differ from the default.
     """
     head: dict[str, object] = {
         "schema": SCHEMA,
@@ -263,7 +263,7 @@ def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]
 
 
 def _tables_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
-    """What the keys of a law of two tables are, by its states."""
+    """The meaning of the keys of a law of two tables, by its states."""
     over = two_tables_of(physics.values).over
     shift = f"[{state_unit(over[0], rotary)}] what is added to the {over[0]}"
     does = "what it is taken times" if physics.effect is free_product else shift
@@ -308,7 +308,7 @@ def _meaning(parameter: Parameter, rotary: bool) -> str:
 
 
 def device_from_text(text: str, where: str = "device") -> Device:
-    """Return the device of a device file's text; `where` begins every complaint.
+    """Return the device of a device file's text; `where` begins every error message.
 
     Raises DeviceError with one sentence, see `load_device`.
     """
@@ -335,7 +335,7 @@ KINDS_OF_FILES = {
 
 
 def other_kind(values: Mapping[str, object], wanted: str) -> str:
-    """Return what a TOML is by its keys, with what to do, where it is none of the wanted kind."""
+    """Return what a TOML file is, judged by its keys, and what to do if it is the wrong kind."""
     if any(key in values for key in KINDS_OF_FILES[wanted][0]):
         return ""
     found = (said for keys, said in KINDS_OF_FILES.values() if any(k in values for k in keys))
@@ -539,7 +539,7 @@ def _grid(values: Mapping[str, float]) -> dict[str, object]:
 
 @contextmanager
 def _as_in_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None, None, None]:
-    """Let complaints of the values name the keys of the file, and where they stand."""
+    """Let error messages about values name the keys of the file, and their place."""
     try:
         yield
     except TableError:

@@ -28,8 +28,8 @@ moved.
 Limits: the lag is put on the command alone; with L the back-EMF lags as well, which changes the
 damper by w L / R at the frequency w.
 
-A drive that is switched off, which a recording says, gives no force. Where its winding is shorted
-then, the back-EMF goes on braking; where it is open, nothing of it does (`open_winding`).
+A drive that is switched off, according to a recording, gives no force. If its winding is shorted
+then, the back-EMF still brakes; if it is open, it does not (`open_winding`).
 """
 
 import math
@@ -71,7 +71,7 @@ POSSIBLE = {
 
 @dataclass(frozen=True)
 class Drive:
-    """What a command is and how it becomes a force at m1.
+    """The kind of a command, and how it becomes a force at m1.
 
     motor_constant k_t [N m/A | N/A], resistance_ohm R, back_emf k_e [V s/rad | V s/m], by default
     k_t (which it is in SI), gear g, turns of the motor (or its travel) over those of m1,
@@ -141,7 +141,7 @@ class Drive:
 
     @property
     def damper(self) -> float:
-        """What the back-EMF is to m1."""
+        """The damper at m1 that the back-EMF is."""
         return 0.0 if self.kind in ("current", "position") else self._back
 
     @property
@@ -184,7 +184,7 @@ class Drive:
 
     @property
     def when_switched(self) -> tuple[Physics, ...]:
-        """What a drive loses of its damping while it is off."""
+        """The damping that a drive loses while it is off."""
         lost = self.when_off == "open" and self.damper > 0.0
         return (make_physics("open_winding", "m1", damping=self.damper),) if lost else ()
 

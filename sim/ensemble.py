@@ -39,7 +39,7 @@ ROWS = (
 class Walls:
     """Built-in walls of an ensemble, one value a run (runs,): K, B, position, one-sided.
 
-    law: the one that all of them follow.
+    law: the law of all of them.
     """
 
     stiffness: Floats
@@ -71,7 +71,7 @@ def walls(
 ) -> Walls:
     """Return walls over arrays of K and B that broadcast together, all at one position.
 
-    law: the one that they follow, by default that of spring and damper.
+    law: the law of all of them, by default that of spring and damper.
     """
     k, b = np.broadcast_arrays(np.atleast_1d(stiffness), np.atleast_1d(damping))
     k, b = k.astype(np.float64).ravel(), b.astype(np.float64).ravel()
@@ -106,8 +106,8 @@ class Runs:
     ) -> "tuple[Floats, Floats, list[Task], Runs]":
         """Return (measures, velocities, tasks for so many workers that fill them, the state after).
 
-        measures (windows, 7, runs); velocities (runs, ticks) of m1 where they are to be kept, NaN
-        from where a run escaped, else (runs, 0).
+        measures (windows, 7, runs); velocities (runs, ticks) of m1 if they are to be kept, NaN
+        after a run has escaped, else (runs, 0).
         """
         ticks = windows * weights.size
         measures = np.zeros((windows, MEASURES, self.size))
@@ -176,8 +176,8 @@ def start_runs(
 ) -> Runs:
     """Return the runs at t = 0, one start a run (or one for all).
 
-    devices: of one structure (`sim.group.member`); device (runs,): which of them each run has, (1,)
-    for one that all have. bounds (runs,) or one: a run has escaped when |position of m1|
+    devices: of one structure (`sim.group.member`); device (runs,): the index of each run's device,
+    (1,) for one that all have. bounds (runs,) or one: a run has escaped when |position of m1|
     exceeds it. Raises ValueError for devices of several structures.
     """
     count = ensemble.stiffness.size
@@ -221,7 +221,7 @@ def advance_runs(
 ) -> tuple[Floats, Runs]:
     """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state).
 
-    run_all: runs the tasks, in any order or side by side, as on so many threads of the caller's.
+    run_all: runs the tasks, in any order or side by side, such as on the caller's threads.
     """
     measures, _, tasks, after = runs.tasks(weights, windows, workers=workers)
     run_all(tasks)

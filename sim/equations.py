@@ -42,8 +42,8 @@ HOOKS = ("force", "friction", "sensor", "command", "clock")  # those that have a
 class EffectTable(NamedTuple):
     """Effects of one hook: code, first and second mass (-1: ground), origin, parameters (rows).
 
-    A force acts on the first mass, and against it on the second. Its law is taken over the first
-    mass's way from the origin: the second mass, or the ground (`Effect.over_first`).
+    A force acts on the first mass, and with the opposite sign on the second. Its law uses the first
+    mass's distance from the origin: the second mass, or the ground (`Effect.over_first`).
     """
 
     codes: Ints
@@ -224,9 +224,9 @@ def dry_masses(physics: Iterable[Physics]) -> tuple[int, ...]:
 def enough_of(plant: Plant, dry: Sequence[int], interface: Interface, wanted: int = 1) -> int:
     """Return how many substeps a tick a plant takes with dry friction at some masses.
 
-    A force held over a substep h must not come out as its contrary (`_too_long`), and for the
-    fastest mode omega h < pi is sure. `SPARED` of it is left, so that a device a hair faster, of
-    which a fit asks its slopes, takes as many.
+    A force held over a substep h must not result in a velocity of the opposite sign (`_too_long`);
+    omega h < pi for the fastest mode is sufficient. `SPARED` of it is left as a margin, so that a
+    slightly faster device, of which a fit computes slopes, needs as many substeps.
     """
     spared = interface.period * (1.0 + SPARED)
     if sure(plant, spared):
@@ -291,7 +291,7 @@ def mechanism(
 ) -> Mechanism:
     """Return what the arrays of `Equations` have of the plant.
 
-    A search that changes effects asks for the same mechanism again and again.
+    A search that changes effects needs the same mechanism again and again.
     """
     plant = linear.plant
     sets = locked_sets(1 + max(dry)) if dry else [()]

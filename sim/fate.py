@@ -26,11 +26,11 @@ well damped walls, whose higher harmonics the first one leaves out, and walls th
 holds beyond the linear boundary. A velocity in steps counts likewise, by the amplitude of the
 speed, 2 pi f A, and by `FEW` of its steps alone.
 
-Under steps an oscillation may be irregular: it has no constant amplitude, and no trend that lasts.
-At the end of the longest run it counts as one that lasts, also where it seems to grow but is below
-the start or a few steps. Of the steps of command and velocity that is so only where the linear loop
-is not known to be unstable; and where it is, what seems to rise is undecided. What still falls is
-undecided, too: it rests or dithers.
+Because of steps, an oscillation may be irregular: it has no constant amplitude, and no lasting
+trend. At the end of the longest run it counts as lasting, even if it seems to grow, as long as it
+is below the start or a few steps. For steps of command and velocity this requires that the linear
+loop is not known to be unstable; if it is, an apparent rise is undecided. A remaining decrease is
+undecided, too: the run rests or dithers.
 
 Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
 the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
@@ -143,8 +143,8 @@ def fates_of(
 ) -> NDArray[np.int8]:
     """Return the `Fate` of each run (runs,).
 
-    limit_s [s]: the longest a run may go on. The command of a one-sided wall reaches the limit on
-    one side only.
+    limit_s [s]: the longest time a run may continue. The command of a one-sided wall reaches the
+    limit on one side only.
     """
     encoder_step = conditions.of_interface("encoder_step")
     command_step = conditions.of_interface("command_step")
@@ -196,7 +196,7 @@ def _small(
 def dither_of(device: Device, stiffness: Floats, damping: Floats) -> Dither:
     """Return what steps keep up; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m], each (n,).
 
-    0 steps for a device without any, `FEW` where the loop is not stable without them.
+    0 steps for a device without any, `FEW` if the loop is not stable without them.
     """
     face = device.interface
     if not any((face.encoder_step, face.command_step, face.velocity_step)):
@@ -227,8 +227,8 @@ def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float
 def held_growth(growth: Growth, limit: Floats, swing: Floats, limit_s: float) -> Flags:
     """Whether the command swings to its limit at the end: growth that the limit holds.
 
-    swing: half the range of a command that does. Under an encoder's steps it may reach the limit on
-    one side and miss it by a step on the other. Such a cycle may seem to fall a little while it
+    swing: half the range of such a command. With an encoder's steps it may reach the limit on one
+    side and miss it by a step on the other. Such a cycle may seem to decrease a little while it
     settles.
     """
     with np.errstate(invalid="ignore"):

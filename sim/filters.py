@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 def filtered(errors: Floats, filters: Floats) -> Floats:
     """Return errors (..., ticks, o) through filters (o, o, taps); before the first all is zero.
 
-    The first index of the filters is of what comes out. What is infinite stays in its own member.
+    The first index of the filters is that of the output. Infinite values stay in their own member.
     """
     whole = errors.reshape(math.prod(errors.shape[:-2]), *errors.shape[-2:])
     rows = np.ascontiguousarray(np.swapaxes(whole, 1, 2))

@@ -1,11 +1,11 @@
 """How a filtered reading follows a motion: the equations of what is read, and of its rate.
 
-Of a motion q with speed v are read s and its rate g = s',
+From a motion q with speed v, the reading s and its rate g = s' follow by
 
     s' = rate (q - s) + straight g,        g' = rate (v - g) + square (q - s) - damping g,
 
-first order with rate = 1 / T, second order with straight = 1, square = w^2, damping = 2 zeta w. A
-reading that has followed a steady speed for long is behind by v L, L = T or 2 zeta / w.
+first order with rate = 1 / T, second order with straight = 1, square = w^2, damping = 2 zeta w. At
+a steady speed the reading lags by v L, with L = T or 2 zeta / w.
 """
 
 from typing import NamedTuple

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 def force_row(chain: Chain, interface: Interface, dof: int) -> Floats:
     """Return the row on [q, v] whose value is the measured force, (2 dof,); (0,) without a sensor.
 
-    dof: masses that move, those of effects included. Raises ValueError where the chain has no such
-    link.
+    dof: number of moving masses, including those of effects. Raises ValueError if the chain has no
+    such link.
     """
     if not interface.force_sensor:
         return np.zeros(0)

@@ -1,8 +1,8 @@
 """Members of a population side by side: their numbers laid out for the lanes of the kernel.
 
-`WIDTH` members of one structure (masses, links, effects and their places, whole ticks of delay and
-substeps; all numbers their own) make a group. Every array of `Equations` gets a last axis of lanes;
-places that are left over in a group repeat its last member.
+`WIDTH` members of one structure make a group: they have the same masses, links, effects and places,
+whole ticks of delay and substeps, and numbers of their own. Every array of `Equations` gets a last
+axis of lanes; unused places of a group repeat its last member.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false

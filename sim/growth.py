@@ -19,9 +19,10 @@ slope is the verdict only when no more time is left. Before, a run must come to 
 cycle: its amplitude hardly changes over the last half, and what slope there is is not significant.
 (Slow growth hardly changes it either, but its slope is significant.)
 
-A window that is shorter than a cycle sees a slice of it: neither its energy nor its amplitude. So
-windows are joined until one holds a cycle where limit cycles are possible. A run in which fewer
-than `FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests or escapes.
+A window that is shorter than a cycle contains only a part of it, and so neither its energy nor its
+amplitude. If limit cycles are possible, windows are joined until one contains a cycle. A run in
+which fewer than `FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests
+or escapes.
 
 Limit: two growing modes within one octave are seen as their sum.
 """
@@ -203,7 +204,7 @@ def _assess(
 def _cycling(amplitude: Floats, kinetic: Floats, window: float, final: bool) -> NDArray[np.bool_]:
     """Whether the last half of each run (windows / 2, runs) neither grows nor decays.
 
-    Cycles under an encoder step may beat for ever: in the end the means of its quarters count.
+    Cycles under an encoder step may beat forever; at the end the means of its quarters decide.
     """
     with np.errstate(all="ignore"):
         change = (amplitude.max(axis=0) - amplitude.min(axis=0)) / amplitude.max(axis=0)

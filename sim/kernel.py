@@ -164,7 +164,8 @@ def held_forces(eq, x, held, whole, strength, tick, segment, step, memory, insid
 def forces_over_states(eq, x, held, tick, segment, step, memory, values):
     """Values of those that are laws over states, time among them.
 
-    Apart from the others, and counted first: a run that has none would be slower by a tenth.
+    Separate from the others, and counted first: otherwise a run without any would be a tenth
+    slower.
     """
     table = eq.forces
     count = 0

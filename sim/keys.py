@@ -10,8 +10,8 @@ class Key:
     """A key of a file.
 
     table: "", "chain", "modal.mode" ...; unit on a rotary device and linear_unit on another ("" for
-    none, the same where only one is given); default: as it would be written, "" where the key must
-    stand; meaning and example: for people.
+    none; one unit applies to both if only one is given); default: as it would be written, "" for a
+    required key; meaning and example: for people.
     """
 
     table: str

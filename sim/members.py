@@ -1,9 +1,9 @@
 """Devices of one make with numbers of their own, as arrays: what a population is made from at once.
 
-A search asks of thousands of devices that differ in numbers alone. Here these numbers are arrays
+A search evaluates thousands of devices that differ only in numbers. Here these numbers are arrays
 with a first axis of members, changed as those of a `Device` are (`with_physics`, `with_interface`),
-and laid out for the lanes of the kernel without a `Device` for each. What follows from a member's
-numbers is bit for bit what follows from its `device`.
+and laid out for the lanes of the kernel without a `Device` for each. Everything derived from a
+member's numbers is bit for bit the same as from its `device`.
 """
 
 from collections.abc import Callable, Mapping
@@ -42,10 +42,9 @@ HOOK_OF = dict(zip(TABLES, ("force", "friction", "sensor", "command", "clock"), 
 class Members:
     """Devices with the same masses, links, effects and places; rows of the arrays are members.
 
-    like: what they have in common besides. chains: (members, n). interface: (members,) of those
-    fields of the interface, among `VARIES`, in which they are not like it. physics: effects and
-    places, whose own values do not count; values (members, parameters) of each, in the order of its
-    declaration.
+    like: their common values. chains: (members, n). interface: (members,) of the fields of the
+    interface, among `VARIES`, that differ from it. physics: effects and places, whose own values
+    are ignored; values (members, parameters) of each, in the order of its declaration.
     """
 
     like: Device
@@ -89,8 +88,8 @@ class Members:
     def check(self) -> None:
         """Raise what `device` raises, if any member can be no device.
 
-        What is allowed of a number is an interval, whatever the others are: all members are within
-        it where the least and the largest number are.
+        The allowed range of a number is an interval that does not depend on the others, so all
+        members are within it if the smallest and the largest number are.
         """
         if self._plainly_sound():
             return
@@ -180,7 +179,7 @@ class Members:
     def kinds(self) -> list[Ints]:
         """Return members with the same states together.
 
-        An effect without strength adds no mass and no reading, an amplifier without lag no state.
+        An effect of zero strength adds no mass and no reading, an amplifier without lag no state.
         """
         present = np.zeros((self.size, len(self.physics)), dtype=bool)
         for j, (p, own) in enumerate(zip(self.physics, self.values, strict=True)):
@@ -266,8 +265,8 @@ class Stacked(NamedTuple):
 def stacks(members: Members, few: int, many: int, seed: int = 0) -> list[Stacked]:
     """Return members of one of the `kinds` laid out, those of one structure together.
 
-    Members whose dry friction would need more substeps are left out. Raises ValueError as
-    `equations.frame` does; members are those that `Members.check` lets pass.
+    Members whose dry friction would need more substeps are left out. Raises ValueError like
+    `equations.frame`; members are those that `Members.check` accepts.
     """
     period = members.like.interface.period
     whole, remainder = members.delay_ticks()
@@ -363,7 +362,7 @@ _FRAMES: dict[Structure, Equations] = {}
 def _framed(members: Members, whole: int, few: int, seed: int) -> Equations:
     """The frame of a structure, made once: all that is a member's own is put in later.
 
-    members: of one of the `kinds`, and of so many whole ticks of delay.
+    members: of one of the `kinds`, with equal whole ticks of delay.
     """
     interface, plant = members.like.interface, members.plant
     if interface.force_sensor:  # whose row is made of the links' own numbers

@@ -67,7 +67,7 @@ def numbers_of_device(device: Device) -> dict[str, Named]:
 def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
     """Return the device with other numbers, by name.
 
-    Raises DeviceError for a name that it does not have, ValueError for values that cannot be.
+    Raises DeviceError for a name that it does not have, ValueError for impossible values.
     """
     known = numbers_of_device(device)
     arrays = {key: np.array(value) for key, value in device.chain._asdict().items()}
@@ -75,7 +75,7 @@ def with_numbers(device: Device, values: Mapping[str, float]) -> Device:
     effects: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         if name not in known:
-            raise DeviceError(f"the device has no number {name!r}; {nearest(name, list(known))}")
+            raise DeviceError(f"the device has no parameter {name!r}; {nearest(name, list(known))}")
         if name == "k0":
             arrays["ground_spring"] = np.array(value)
         elif name.startswith("interface."):

@@ -1,8 +1,8 @@
 """Where effects of the user's own are declared: files that the kernels are compiled with.
 
-Those in `ZWIDTH_EFFECTS` (files or folders, apart as in PATH), else those in a folder `effects` of
-the folder one works in. Read when zwidth is imported, since an effect is compiled into the kernels;
-of a folder only files that begin as one (a key `formula`) count.
+Those in `ZWIDTH_EFFECTS` (files or folders, separated as in PATH), else those in a folder `effects`
+of the current folder. They are read when zwidth is imported, since an effect is compiled into the
+kernels; in a folder, only files with a key `formula` count.
 """
 
 import hashlib

@@ -1,9 +1,9 @@
 """Many devices of one kind along a recording: their innovations, their costs, or their free runs.
 
-Members have the same masses, links, effects and places; all numbers are their own. They go
-`WIDTH` at a time through the lanes of the kernel, those with equal whole ticks of delay together,
-and each gives what it would give alone, bit for bit. Whatever happens to one (an overflow, too few
-substeps for its friction) is its own: its innovations are infinite from there on.
+Members have the same masses, links, effects and places, and numbers of their own. They run `WIDTH`
+at a time in the lanes of the kernel, those with equal whole ticks of delay together, and each gives
+what it would give alone, bit for bit. A failure of one (an overflow, too few substeps for its
+friction) does not affect the others: its innovations are infinite from there on.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ RunAll = Callable[[Sequence[Task]], object]
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording as it is followed.
+    """A recording, as members follow it.
 
     command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
     external (ticks, n): forces on the masses besides, the acceleration of the base after them
@@ -75,7 +75,7 @@ class Readings:
 
 @dataclass(frozen=True)
 class Followed:
-    """What came of it, a row a member.
+    """The results, a row for each member.
 
     moments (members, o, o): sum of w w' over `counted` ticks, w the whitened innovations; infinite
     where a member overflowed. innovations (members, ticks, o) where they were kept, else (members,
@@ -128,8 +128,9 @@ class Population:
     ) -> tuple[Memory, ...]:
         """Return each member's memory at tick 0; positions and velocities (members, masses).
 
-        Masses as many as there are, those of effects included; what follows them as a reading has
-        followed for long. began [s]: how long the recording has gone on by then.
+        With the total number of masses, those of effects included; readings that follow a mass
+        start as if they had followed it for long. began [s]: time since the beginning of the
+        recording.
 
         The encoder's earlier reading, which only a controller asks for, is the true position's.
         Raises ValueError for numbers that are not finite.

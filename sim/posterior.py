@@ -13,8 +13,8 @@ class Posterior:
     """The joint posterior of numbers of a device, about the values that the device has.
 
     names (p,): of the numbers (`sim.named`); sd (p,): standard deviations, in the unit of each;
-    correlation: p rows of p, of the logarithms of masses, springs, gain and
-    limit, else of the numbers.
+    correlation: p rows of p, of the logarithms of masses, springs, gain and limit, and of the other
+    numbers themselves.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """

@@ -77,7 +77,7 @@ class Gains(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How a recording is read, which may differ from member to member of a population.
+    """How a recording is read, which may differ between members of a population.
 
     observer (states, o): the gain L; (states, 2 o) where play has another while it carries nothing
     (`free_of_contact`). Of `Gains` it is all of them, and columns (ticks,) says which; else that
@@ -105,7 +105,7 @@ class Saved(NamedTuple):
 
 
 class Judge(NamedTuple):
-    """What is kept of the innovations as they pass.
+    """What is kept of the innovations.
 
     filters (o, o, order + 1): w_k = sum over j of F_j e_(k-j) is what is left of them when they
     are whitened. moments (o, o): sum of w w' after the first `skipped` ticks, without those in

@@ -1,6 +1,6 @@
 """Numbers as people write them: the prefix that brings a unit to size, the digits that are known.
 
-Files and JSON hold plain SI; what a person reads (headlines, reports, pages) is written here.
+Files and JSON have plain SI units; the text for people (headlines, reports, pages) is written here.
 """
 
 import math
@@ -22,11 +22,11 @@ _scales: ContextVar[tuple[str, str]] = ContextVar("scales", default=("", ""))
 
 @contextmanager
 def counted_in(force: str, length: str) -> Generator[None]:
-    """Have forces written in what a command is in, lengths in what a reading is in, meanwhile.
+    """Meanwhile write forces in the unit of the command, lengths in the unit of the reading.
 
-    Where their scales are not known, one of each is taken for the SI unit: a friction of 0.4 N m is
-    0.4 A then, and an inertia is in A s2/count. force: "A", "V", "counts", length: "counts"; "" for
-    a scale that is known.
+    If their scales are not known, one of each counts as one SI unit: a friction of 0.4 N m is then
+    written 0.4 A, and an inertia is in A s2/count. force: "A", "V", "counts", length: "counts"; ""
+    for a known scale.
     """
     before = _scales.set((force, length))
     try:
@@ -55,7 +55,7 @@ def as_counted(unit: str) -> str:
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
     """Return a value with the prefix that brings it between 1 and 1000: 2e-3, "N m" -> "2 mN m".
 
-    Infinite is "none" (a limit that limits nothing), what is no number "unknown".
+    Infinity is "none" (a limit that limits nothing), NaN "unknown".
     """
     if not math.isfinite(value):
         return "none" if value > 0.0 else "unknown"
@@ -120,7 +120,7 @@ def interval(value: float, lower: float, upper: float, unit: str) -> str:
     """Return a value with its interval, to the digits that the interval knows.
 
     0.0201, 0.0197, 0.0205, "N m" -> "20.1 mN m (19.7 to 20.5)"; five digits and "(within 0.01 %)"
-    where more than four are known; without an interval where its ends are not known.
+    if more than four are known; without an interval if its ends are not known.
     """
     half = 0.5 * (upper - lower)
     if not math.isfinite(value):
@@ -176,5 +176,5 @@ def of_the_motion(share: float) -> str:
 
 
 def most(share: float) -> str:
-    """Return a share or a probability up to one, without a hundred percent that is none."""
+    """Return a share or a probability up to one; no value below one is written as 100 %."""
     return "over 99.9 %" if share > 0.9995 else f"{100.0 * share:.3g} %"

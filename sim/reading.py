@@ -1,9 +1,9 @@
 """Which state of the plant a sensor reads, where its readings are filtered.
 
-A reading that follows the motion of a mass late is two more states of the plant, its position and
-its rate (`sim/following.py`), and so is exact in the propagator. They stand as those of a
-further mass would, after all that are masses, each fed by the reading before it: filters of one
-device are in a row, in the order of its physics.
+A reading that lags behind the motion of a mass is two more states of the plant, its position and
+its rate (`sim/following.py`), and so is exact in the propagator. These states are placed like those
+of a further mass, after all masses. Several filters of one device are in series, in the order of
+its physics.
 
     sensor      every reading: positions and velocities alike
     velocity    readings of velocities alone
@@ -30,9 +30,9 @@ class Places(NamedTuple):
 class Reading(NamedTuple):
     """Places in a plant: of n masses of the chain, and of k readings that are filtered.
 
-    reads (2, n): by which place's position, and by which one's velocity, each mass is read.
-    followers (k, 2): each place that follows, and the one that it follows. filters: how many of
-    them each filter has, in order.
+    reads (2, n): indices of the position and of the velocity by which each mass is read. followers
+    (k, 2): index of each follower, and of the state that it follows. filters: how many followers
+    each filter has, in order.
     """
 
     reads: Ints

@@ -57,8 +57,7 @@ class Start:
     def state(self, dof: int, places: int | None = None) -> Floats:
         """Return (32,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value).
 
-        places: index at which the velocities begin, where there are states besides those of the
-        masses.
+        places: index of the first velocity, if there are states besides those of the masses.
         """
         padded = np.zeros(MAX_COLUMNS)
         for offset, field in ((0, "position"), (dof if places is None else places, "velocity")):
@@ -94,9 +93,9 @@ class Run(Shown):
 
 
 def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats) -> None:
-    """Put filtered readings of a state where those are that have followed its speeds for long.
+    """Set filtered readings of a state to their values after long motion at its speeds.
 
-    In place. dof: places of positions; the others as in `Equations`.
+    In place. dof: number of positions; the others as in `Equations`.
     """
     for (place, source), late in zip(followers.tolist(), behind.tolist(), strict=True):
         x[dof + place] = x[dof + source]
@@ -108,8 +107,8 @@ def start_memory(
 ) -> Memory:
     """Return the memory at tick 0: nothing commanded yet, the encoder consistent with the start.
 
-    memory: how many values the controller keeps; entries: of the ledger; began [s]: how long the
-    recording has gone on by then, of which this is a part.
+    memory: how many values the controller keeps; entries: of the ledger; began [s]: time from the
+    beginning of the recording to the beginning of this part.
     """
     x = start.state(eq.dof - eq.followers.shape[0], eq.dof)
     let_follow(x, eq.dof, eq.followers, eq.behind)
@@ -153,7 +152,8 @@ class Setup:
     def blocks(self, ticks: int = BLOCK_TICKS) -> Iterator[tuple[Trace, Trace | None, Outcome]]:
         """Yield (trace, fine trace or None, outcome so far) for every `ticks` ticks.
 
-        Once: the memory is then that of the end. Raises ValueError when it is asked for again.
+        This works once, since the memory is then that of the end. Raises ValueError the second
+        time.
         """
         if self.memory.counters[0] != 0:
             raise ValueError("this run has begun already; prepare it anew to run it again")

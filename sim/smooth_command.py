@@ -1,8 +1,8 @@
 """A command that was not held from sample to sample, but smooth between them.
 
 A controller holds its command. A command recorded by other equipment is often a sample of a smooth,
-band-limited signal u(t): a hold of the samples is then late by half a tick and loses sinc(f T) of
-its amplitude. What must be held to act like u(t) in the band is
+band-limited signal u(t). Holding the samples then delays it by half a tick and reduces its
+amplitude by sinc(f T). The values to hold that act like u(t) in the band are
 
     c = F^-1[ U(f) exp(+i pi f T) / sinc(f T) ].
 """

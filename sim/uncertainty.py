@@ -13,11 +13,11 @@ LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to c
 class Uncertainty:
     """Standard deviations (one sigma) of the values in a device file; all but `zeros` are relative.
 
-    command_scale: of the scale of the command, 0 where it is known exactly; motion alone cannot
+    command_scale: of the scale of the command, 0 if it is known exactly; motion alone cannot
     distinguish it from scaling all masses, springs, dampers and forces. masses; springs, including
     the one to ground; dampers, which are known worst: they are rarely measured, and change with
-    temperature and wear. zeros [rad | m]: of the difference between the positions that the sensors
-    of m2, m3, ... and of m1 read while no link is stretched; 0 where they read the same.
+    temperature and wear. zeros [rad | m]: of the difference between the readings of the sensors of
+    m2, m3, ... and of m1 while no link is stretched; 0 if there is none.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """

@@ -1,7 +1,8 @@
 """The laws of built-in walls, written once for one run and for many side by side.
 
-push is what a wall presses back with at a reading y and a velocity estimate v, and the command is
--push. With depth = y - x_w, p the first numbers of a wall (K, B, x_w, one-sided) and two more:
+push is the force with which a wall presses back at a reading y and a velocity estimate v; the
+command is -push. With depth = y - x_w, and p the numbers of a wall (K, B, x_w, one-sided) and two
+more:
 
     plain       K depth + B v
     texture     K ((1 - s) depth + s sin(k depth)/k) + B v, a grating of wave number k and share s
@@ -18,7 +19,7 @@ push of the coming tick would take E below zero, at the velocity estimated now, 
 damping a v, a = -(E + push v T)/(v^2 T), up to `most`: sampled damping drives what it is to damp
 when there is too much of it.
 
-One-sided, a wall acts at depth > 0 only, and pulls never.
+A one-sided wall acts at depth > 0 only, and never pulls.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
@@ -35,7 +36,7 @@ NUMBERS, MEMORY = 6, 4
 
 @part
 def one_side(p, depth, push):
-    """Cut a push to what a one-sided wall gives, where the wall is one."""
+    """Limit a push to positive values if the wall is one-sided."""
     inside = select(depth > 0.0, greatest(0.0, push), 0.0)
     return select(p[ONE_SIDED] == 0.0, push, inside)
 

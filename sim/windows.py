@@ -1,8 +1,9 @@
 """Many runs under built-in walls, and what is kept of each window of ticks in place of its trace.
 
-Per window a run keeps two energies weighted over the window (kinetic energy, and the square of the
-third difference of m1's velocity, which shows fast modes a thousand times below slow ones), the
-extremes of m1's position and of the command, and how often m1's velocity changed its sign.
+For each window a run keeps two energies weighted over the window (kinetic energy, and the square of
+the third difference of m1's velocity, which shows fast modes a thousand times smaller than slow
+ones), the extremes of m1's position and of the command, and the number of sign changes of m1's
+velocity.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
@@ -37,7 +38,7 @@ MEASURES = 7
 
 
 class Bank(NamedTuple):
-    """States of groups of runs, the first axis of each: x (groups, 32), line, internal and scalars.
+    """States of groups of runs, with the groups as first axis: x (groups, 32), line, and so on.
 
     As in `Memory`, whose counters (2,) all runs share. walls (groups, 6): their numbers; past
     (groups, 3): m1's three velocities before; bounds (groups,) of |position of m1|; escaped

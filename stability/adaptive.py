@@ -1,10 +1,10 @@
 """Refine a map where the fate changes, and only there.
 
 A lattice of (coarse - 1) 2^levels + 1 points a side. First every 2^levels-th point is run. Then,
-level by level, each cell with two fates among the points that were run in it or on its sides is cut
-in four. A cut shows new points to the neighbours, and where they find a second fate there they are
-cut too, until no cell of the level asks for more. What is left is of one fate as far as it was
-seen, and takes it from its corners.
+level by level, each cell with two fates among the points that were run in it or on its sides is
+divided in four. This adds points on the sides of neighbours; if these find a second fate there,
+they are divided too, until no cell of the level has two. The remaining cells have one fate as far
+as it was seen, and their points take it from the corners.
 
 The order of the points depends on the fates alone, never on time or threads, so a map taken up
 again goes the same way and ends bit for bit the same.

@@ -1,17 +1,17 @@
 """The stability boundary in the time domain: bisection of K for every B, many B at once.
 
-Going up from a K near zero in steps of a constant ratio, the first K that is not stable closes the
-bracket; then the zero of the growth rate by interpolation, or where that does not help the
-geometric mean of the ends, is tried until the bracket is narrow enough. A group of dampings
-takes its trials in the same round, so a round is one batch. A run is prolonged, twice as long each
-time, until its verdict is clear or the limit is reached; a K that stays undecided is left between
-the ends of its bracket. A wall is stable unless it grows, as `sim/fate.py` says for all; of the
-linear theory that alone knows, for how large the dither of a quantiser may be.
+K rises from near zero in steps of a constant ratio; the first K that is not stable closes the
+bracket. Then the zero of the growth rate is interpolated, or, if that does not help, the geometric
+mean of the ends is tried, until the bracket is narrow enough. A group of dampings is tried in the
+same round, so a round is one batch. A run is prolonged, twice as long each time, until its verdict
+is clear or the limit is reached; a K that stays undecided is left between the ends of its bracket.
+A wall is stable unless it grows, as in `sim/fate.py`; linear theory is used only to bound the
+dither of a quantiser.
 
-A wall is stable if all starts of the trial say so. Of a device that is not linear a wall may grow
-although a stiffer one does not, from that start: play makes bands of K in which a run finds its
-oscillation. So the K at `BELOW` of each closed bracket are tried, too, and where one grows the
-boundary is hunted on below it.
+A wall is stable if all starts of the trial say so. With a nonlinear device a wall may grow from a
+start although a stiffer one does not: play makes bands of K in which a run finds its oscillation.
+So the K at `BELOW` of each closed bracket are tried, too, and if one grows the boundary is sought
+below it.
 
 The boundary of a linear device moves little from one damping to the next. There only every
 `LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
@@ -407,7 +407,7 @@ def find_brackets(
 ) -> list[list[Bracket]]:
     """Return the time-domain boundary of each device over its dampings.
 
-    The dampings are cut into groups of up to 64 that are hunted down independently, on all cores.
+    The dampings are divided into groups of up to 64 that are computed independently, on all cores.
     progress: called with the share of brackets closed, from 0 to 1 (from any thread). Raises
     ValueError for a damping that is not finite.
     """

@@ -69,7 +69,7 @@ class FateMap(Shown):
 
 
 def _first(y: Floats, there: NDArray[np.bool_], otherwise: float) -> Floats:
-    """Return halfway below the first y that is `there`, NaN if it is the lowest."""
+    """Return halfway below the first y of the set `there`, NaN if it is the lowest."""
     index = there.argmax(axis=0)
     halfway = 0.5 * (y[np.maximum(index - 1, 0)] + y[index])
     return np.where(there.any(axis=0), np.where(index > 0, halfway, math.nan), otherwise)

@@ -29,7 +29,7 @@ ALIKE = 0.95  # growth of a peak over that of the one that has grown most
 def blackman_harris(size: int) -> Floats:
     """Return the four-term window (Harris, Proc. IEEE 66, 1978), periodic.
 
-    scipy.signal has it too, and takes half a second to import.
+    scipy.signal has this window as well, but takes half a second to import.
     """
     phase = 2.0 * np.pi * np.arange(size) / size
     terms = (0.35875, -0.48829, 0.14128, -0.01168)

@@ -48,7 +48,7 @@ def summary(result: FateMap) -> dict[str, Any]:
 def _beside_theory(
     result: FateMap, moving: NDArray[np.bool_], felt: NDArray[np.bool_]
 ) -> dict[str, float | None]:
-    """Shares of what linear theory calls stable or not that do otherwise; None without theory."""
+    """Shares of the stable part that move or are felt, and of the unstable part at rest."""
     names = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting")
     if not has_theory(result.plane.device):
         return dict.fromkeys(names)

@@ -66,7 +66,7 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
     if device.reading().followers.size:
         raise ValueError(
             "readings are filtered, which the passivity criterion cannot take: remove sensor_lag,"
-            " sensor_filter and moving_average, or add how late they are to delay_s"
+            " sensor_filter and moving_average, or add their delay to delay_s"
         )
     refuse_force(device, "the passivity criterion")
     b = float(device.chain.ground_dampers.sum())

@@ -63,7 +63,7 @@ class PeriodicLoop:
         return moves
 
     def closed(self, stiffness: float | Floats, damping: float) -> Floats:
-        """Return what a cycle makes of the state under spring and damper, (..., M, M)."""
+        """Return the map of the state over a cycle with spring and damper, (..., M, M)."""
         tick = self.tick(stiffness, damping)
         return reduce(lambda whole, m: tick @ (m @ whole), self.measure, np.eye(self.entry.size))
 

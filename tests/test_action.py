@@ -76,8 +76,8 @@ def test_a_true_simulation_passes_and_every_recording_that_a_pattern_names_is_ch
     assert done.returncode == 0, done.stderr
     suite = ElementTree.parse(rig / "zwidth-check.xml").getroot()
     assert sorted(case.attrib["name"] for case in suite) == ["a b.csv", "monday.csv"]
-    assert (rig / "output").read_text().startswith("sentence='bench' is still true")
-    assert "is still true of all 2 recordings" in (rig / "summary").read_text()
+    assert (rig / "output").read_text().startswith("sentence='bench' still describes")
+    assert "still describes all 2 recordings" in (rig / "summary").read_text()
 
 
 def test_a_machine_that_changed_fails_and_says_how(rig: Path):

@@ -160,7 +160,7 @@ def test_a_recording_says_what_was_different_of_its_device(tmp_path: Path) -> No
         ("masses = [0.8]", CART, "device.masses of the recording has 1 entries; the device has 2"),
         ("masses = [0.8, -1.0]", CART, r"\[device\] of the recording: masses contains -1"),
         ("command_limit = 0.0", CART, "interface.command_limit is 0.0; allowed is > 0"),
-        ("masses = [1.0]", phantom(), "given as modes"),
+        ("masses = [1.0]", phantom(), "describes modes"),
         (
             '[[device.physics]]\neffect = "gravity_pendulum"\nat = "m1"\nlevel = 1.0',
             CART,
@@ -213,7 +213,7 @@ def test_what_a_run_adds_to_an_effect_that_is_to_be_found_is_put_on_whatever_is_
             {"at": "m1", "times": {"level": 2.0}, "more": {"level": 2.0}},
             "both as times and as more",
         ),
-        ({"at": "command", "more": {"level": 1.0}}, "gravity_pendulum@command, which there is not"),
+        ({"at": "command", "more": {"level": 1.0}}, "gravity_pendulum@command, which is unknown"),
     ],
 )
 def test_what_cannot_be_more_of_an_effect_is_said(own: Mapping[str, object], says: str) -> None:

@@ -221,7 +221,7 @@ def test_the_exit_status_the_json_and_the_junit_file_say_the_same(
         ("phantom_1_0 good.csv", "period is 0.002 s, the device's 0.001 s"),
         ("bench.toml none.csv", "none.csv does not exist"),
         ("bench.toml good.csv --model x.xml", "--model needs --joint NAME"),
-        ("bare.toml good.csv", "has no [band], so nothing says how far it may err"),
+        ("bare.toml good.csv", "has no [band], which gives the allowed error"),
     ],
 )
 def test_bad_input_is_a_sentence_and_status_2(

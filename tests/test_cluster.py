@@ -231,7 +231,7 @@ def test_a_scheduler_that_does_not_come_back_is_one_sentence(
         end = Interference(tmp_path, one.close)
         with (
             Cluster(one.scheduler_address, patience=0.5) as runner,
-            pytest.raises(OSError, match=r"is gone for 0\.5 s; what came back is kept, start it"),
+            pytest.raises(OSError, match=r"is gone for 0\.5 s; finished parts are kept: start it"),
         ):
             make_map(plane(), COARSE, LEVELS, tmp_path, end, runner=runner)
     assert end.before
@@ -266,7 +266,7 @@ def test_what_a_task_raises_is_raised_here(two: Any) -> None:
 
 @posix
 def test_a_task_that_kills_every_worker_is_named(two: Any) -> None:
-    says = "4 workers died over 'a'; look at the memory"
+    says = "4 workers died in 'a'; check the memory"
     with (
         Cluster(two.scheduler_address, PATIENCE) as runner,
         pytest.raises(ChildProcessError, match=says),

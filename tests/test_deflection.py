@@ -72,7 +72,9 @@ def test_a_force_in_a_link_is_what_it_gives_way() -> None:
     by_stretch = experiment(without(trace, "force_link12"), ELASTIC)
     assert by_force.outputs == by_stretch.outputs
     np.testing.assert_allclose(by_force.measured, by_stretch.measured, rtol=1e-12)
-    assert any("is taken as what link12 gives way, at the 800 N/m" in n for n in by_force.notes)
+    assert any(
+        "is taken as the deflection of link12, with the 800 N/m" in n for n in by_force.notes
+    )
 
 
 def test_a_fit_finds_friction_behind_a_link_whose_deflection_is_read() -> None:

@@ -189,7 +189,7 @@ def test_a_recording_names_other_joints_and_known_forces(tmp_path: Path):
     path.write_text(path.read_text().replace('at = "m1"\n[[joint]]', 'at = "m1"\n[[joint]]'))
     wrong = path.read_text().replace('"mNm"\nat = "m1"', '"mNm"\nat = "m2"')
     path.write_text(wrong)
-    with pytest.raises(ExperimentError, match="has known_force_m2, and the device 1 mass;"):
+    with pytest.raises(ExperimentError, match="has known_force_m2, but the device has 1 mass;"):
         experiment(read_recording(path), device)
 
 

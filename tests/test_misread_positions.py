@@ -84,7 +84,7 @@ def test_a_counter_of_known_modulus_goes_on_where_nothing_else_tells(tmp_path: P
     toml.write_text(text)
     assert np.ptp(read_recording(toml)["position_m1"][known]) > 1.2 * np.ptp(wanted)
     toml.write_text(text.replace('"position"', '"velocity"') + "wraps_at = 65536\n")
-    with pytest.raises(RecordingError, match=r"wraps_at stands at a velocity; give it"):
+    with pytest.raises(RecordingError, match=r"wraps_at is given for a velocity; only"):
         read_recording(toml)
 
 

@@ -161,5 +161,5 @@ def test_a_measured_force_of_a_hand_is_a_known_input(tmp_path: Path) -> None:
     assert left < 1e-3 * np.abs(innovations(TWO, alone, gain)[500:]).max()
     one = Device("one", "", False, make_chain([1.0], [1.0]), Interface(T))
     toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
-    with pytest.raises(ExperimentError, match="has known_force_m2, and the device 1 mass;"):
+    with pytest.raises(ExperimentError, match="has known_force_m2, but the device has 1 mass;"):
         experiment(read_recording(toml), one)

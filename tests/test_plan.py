@@ -1,6 +1,7 @@
 """Truths of planning: excitations keep what a device bears, plans agree with limits."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from page_checks import chromium, faults_of_figure
 
 from zwidth.cli import run
-from zwidth.figures.plan import limit_in_words, plan_figure
+from zwidth.figures.plan import limits_in_words, plan_figure
 from zwidth.planning.excitations import (
     LIBRARY,
     Scale,
@@ -27,7 +28,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.interface import Interface
-from zwidth.sim.physics import make_physics
+from zwidth.sim.physics import EFFECTS, make_physics
 
 MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001))
 SEEN = Noise(1e-3, 1e-5)
@@ -197,7 +198,9 @@ def test_the_picture_draws_the_number_that_it_prints():
     """
     physics = make_physics("coulomb_friction", "m1", level=1.1e-4)
     seen = Visible("coulomb_friction@m1", physics, 1.1e-4, "level", "N m", 0.22)
-    assert limit_in_words(seen) == "110 \u00b5N m (0.05 %)"
+    assert limits_in_words([seen]) == "110 \u00b5N m"
+    smaller = replace(seen, label="coulomb_friction@m2", magnitude=6e-5)
+    assert limits_in_words([seen, smaller]) == "60 to 110 \u00b5N m"
     labels = (seen.label, "dead_band@command")
     shown = Plan("noise", 4.0, (seen,), labels, np.full((2, 2), 9.0), ())
     axes = plan_figure(shown, "device").axes[0]
@@ -209,10 +212,10 @@ def test_the_picture_draws_the_number_that_it_prints():
 def test_no_text_of_the_picture_lies_on_another():
     """Over nine decades of shares. Mutation: a tick at each decade, "0.0001 %" on "0.001 %"."""
     physics = make_physics("coulomb_friction", "m1", level=1.1e-4)
-    sizes = np.geomspace(1e-8, 0.1, 12).tolist()
-    seen = tuple(Visible(f"coulomb_friction@m{i % 5 + 1}", physics, 0.22 * share, "level", "N m",
-                         0.22) for i, share in enumerate(sizes))  # fmt: skip
-    labels = tuple(v.label for v in seen)
-    shown = Plan("noise", 4.0, seen, labels, np.full((12, 12), 3.0), ())
+    places = [f"{effect.name}@{at}" for effect in EFFECTS.values() for at in effect.places][:40]
+    sizes = np.geomspace(1e-8, 0.1, len(places)).tolist()
+    seen = tuple(Visible(label, physics, 0.22 * share, "level", "N m", 0.22)
+                 for label, share in zip(places, sizes, strict=True))  # fmt: skip
+    shown = Plan("noise", 4.0, seen, tuple(places), np.full((len(places), len(places)), 3.0), ())
     with chromium() as browser:
         assert faults_of_figure(browser.new_page(), plan_figure(shown, "device")) == []

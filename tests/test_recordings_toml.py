@@ -121,7 +121,7 @@ def kind_of(table: str) -> str:
         ("file = ", "this is not TOML"),
         (HEAD + TIME, "describes no signal"),
         (TIME + INPUT, "file is missing"),
-        (HEAD + INPUT, "neither period_s nor time"),
+        (HEAD + INPUT, "period_s or time is missing"),
         (HEAD + TIME + "period_s = 0.001\n" + INPUT, "both period_s and time"),
         (HEAD + "period_s = 0\n" + INPUT, "period_s is 0; allowed is a number above 0"),
         (HEAD + "perod_s = 0.001\n" + INPUT, "did you mean 'period_s'?"),
@@ -140,7 +140,7 @@ def kind_of(table: str) -> str:
         (HEAD + TIME + INPUT.replace("torque", "tork"), "no signal 'tork'; did you mean 'torque'?"),
         (HEAD.replace("a.csv", "b.csv") + TIME + INPUT, "b.csv does not exist"),
         (HEAD.replace("a.csv", "b\\u0000") + TIME + INPUT, "cannot be the name of a file"),
-        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be the less"),
+        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be less"),
         (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\n", "leaves no sample"),
         (HEAD + TIME + "rotary = false\n" + INPUT, "linear device"),
         (HEAD + TIME + "resample = -1\n" + INPUT, "allowed is true, false or a period above 0"),
@@ -172,7 +172,7 @@ def kind_of(table: str) -> str:
             (HEAD + TIME + OUTPUT + f"wraps_at = {wrong}\n", f"wraps_at is {said}; allowed is a")
             for wrong, said in (("0", "0"), ("nan", "nan"), ("inf", "inf"), ('"x"', "'x'"))
         ],
-        (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "farther than its wraps_at = 1e-09 allows"),
+        (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "more than its wraps_at = 1e-09 allows"),
     ],
 )
 def test_errors_say_what_to_change(tmp_path: Path, toml: str, words: str) -> None:

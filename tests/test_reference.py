@@ -107,7 +107,7 @@ def test_comments_change_nothing_of_a_device():
     text = commented_text(device)
     assert device_from_text(text) == device
     assert "gap = 0.01  # [rad] all of the play" in text
-    assert "period_s = 0.001  # [s] of the samples" in text
+    assert "period_s = 0.001  # [s] sampling period" in text
 
 
 def test_a_template_is_a_device_of_so_many_masses():

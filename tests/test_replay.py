@@ -450,7 +450,7 @@ def test_your_own_law_on_the_command_line(
     ("content", "words"),
     [
         (None, "does not exist; check the name"),
-        (b"", "is empty; what should have written it left nothing"),
+        (b"", "is empty; check the program that wrote it"),
         (b"position,time\n1,2\n", "is no MCAP file, it starts with"),
         (b"\x89MCAP0\r\n", "is damaged or cut short before its first sample"),
     ],

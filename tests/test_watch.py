@@ -87,7 +87,7 @@ def test_a_file_that_is_begun_anew_is_said(tmp_path: Path):
     assert log.poll() == 8
     assert log.poll() == 0
     path.write_text("u\n")
-    with pytest.raises(RecordingError, match="was started anew"):
+    with pytest.raises(RecordingError, match="was started again"):
         log.poll()
 
 
@@ -104,7 +104,7 @@ def test_a_file_that_gets_its_last_name_has_ended(tmp_path: Path):
 
 
 def test_what_is_written_as_a_whole_cannot_be_followed(tmp_path: Path):
-    with pytest.raises(RecordingError, match="written as a whole"):
+    with pytest.raises(RecordingError, match="when it is complete"):
         Growing(Pipe(b"PK\x03\x04more"), "a.npz", tmp_path).poll()
 
 

@@ -12,7 +12,7 @@ Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals
     diagnose_fleet    many recordings of like devices: what is shared, what changed, which are odd
     diagnose_joints   each joint of a recording with several, as of a robot
-    check             whether answer.device is still true of a later recording, and what changed
+    check             whether answer.device still describes a later recording; what changed
     identify          a device from a recording of its command and position
     plan, excitation  what a recording would show before it is made; the command to record
 How stiff a wall?

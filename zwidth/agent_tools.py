@@ -1,8 +1,8 @@
 """What `zwidth mcp` offers to an agent: four questions, each asked of the command line.
 
-Each tool runs its command in a process of its own, so that a diagnosis neither holds up the server
-nor writes into its protocol, and is ended where the agent cancels it. It returns the JSON of the
-command; of a diagnosis the parts that an agent acts on, and where the whole stands.
+Each tool runs its command in a process of its own, so that a diagnosis neither blocks the server
+nor writes into its protocol, and ends when the agent cancels it. It returns the JSON of the
+command; of a diagnosis, the parts that an agent needs, and where the complete result is.
 """
 
 import json
@@ -76,7 +76,7 @@ async def diagnose(
 async def check(
     device: str, recordings: list[str], model: str | None = None, joint: str | None = None
 ) -> dict[str, Any]:
-    """Say whether a device is still true of its machine, and what changed where it is not.
+    """Check whether a device file still describes its machine, and say what changed if not.
 
     device: the `augmented_device` of a diagnosis. recordings: later ones of the same machine.
     model, joint: an MJCF or URDF model that MuJoCo runs instead. Takes seconds. status 0: within

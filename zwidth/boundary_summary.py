@@ -114,7 +114,7 @@ def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
 
 
 def _frequency(boundary: Boundary) -> float | None:
-    """Frequency [Hz] of what begins to oscillate above the top, in the time domain."""
+    """Frequency [Hz] of the oscillation that begins above the top, in the time domain."""
     return None if boundary.top is None else boundary.top.simulated.frequency
 
 

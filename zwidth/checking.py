@@ -1,11 +1,11 @@
-"""Whether a device is still true of its machine: its free runs against the band in its file.
+"""Whether a device file still describes its machine: its free runs against the band in its file.
 
-Each recording is judged by itself (`diagnosis.answer.band`). Where one is outside, the parameters
-that the device has, its delay among them, are fitted anew to the recordings that are (nothing is
-searched), and the fewest changes that explain the fit are said: about the fitted x the cost is
-(x - x_fit)' H (x - x_fit), H the inverse of the covariance of x, so what any subset explains of it,
-the others as in the file, is algebra. Whether these changes alone bring the free runs back within
-the band is then simulated.
+Each recording is judged by itself (`diagnosis.answer.band`). If one is outside, the parameters of
+the device, including its delay, are fitted again to the recordings outside (no effects are searched
+for), and the fewest changes that explain the fit are reported. Near the fitted x the cost is (x -
+x_fit)' H (x - x_fit), where H is the inverse of the covariance of x, so the share that any subset
+explains, with the others as in the file, follows by algebra. A simulation then shows whether these
+changes alone bring the free runs back within the band.
 """
 
 import math
@@ -48,7 +48,7 @@ TELLING = 3.0  # times its noise, that an output must move by to say anything
 STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
 DELAY = "loop_delay"
 NO_BAND = (
-    "{} has no [band], so nothing says how far it may err; take the NAME.augmented.toml that"
+    "{} has no [band], which gives the allowed error; take the NAME.augmented.toml that"
     " 'zwidth diagnose' writes"
 )
 
@@ -158,15 +158,15 @@ class Check(Shown):
         if not outside:
             count = len(self.recordings)
             those = "the recording" if count == 1 else f"all {count} recordings"
-            return f"{what} is still true of {those}: free runs err no more than its band allows"
-        head = f"{what} is no longer true of {listed([r.name for r in outside])}"
+            return f"{what} still describes {those}: errors of free runs are within its band"
+        head = f"{what} no longer describes {listed([r.name for r in outside])}"
         faults = [f.sentence for r in outside for f in r.news]
         if faults:
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, and '{self.device}' still is: the machine is as it was, and the model or"
-                " its simulator changed"
+                f"{head}, but '{self.device}' still does: the machine is as it was, but the model"
+                " or its simulator changed"
             )
         if not self.changed:
             return f"{head}: no change of its own parameters explains it; --diagnose searches"
@@ -212,7 +212,7 @@ def check(
     simulate: Simulate | None = None,
     simulator: str = "",
 ) -> Check:
-    """Return whether a device is still true of recordings, each with its stretches.
+    """Return whether a device still describes recordings, each with its stretches.
 
     simulate: runs another simulator over a stretch, and simulator names it. Raises ValueError where
     the device has no band, where its outputs are not those of a recording, where a recording does
@@ -254,8 +254,8 @@ def rebased(
     new = of_windows(found, band.window, band.ratio, kinds)
     if new is None:
         raise ValueError(
-            f"the recordings have {found.error.shape[0]} free run(s) of {band.window:g} s that end,"
-            " and a band needs two; give longer recordings"
+            f"the recordings give {found.error.shape[0]} free run(s) of {band.window:g} s without"
+            " overflow, and a band needs two; give longer recordings"
         )
     return replace(device, band=new)
 
@@ -309,7 +309,7 @@ def _judged(device: Device, one: _Taken, simulate: Simulate) -> Recording:
                     if o.name in found.names)  # fmt: skip
     if not outputs:
         raise ValueError(
-            f"{one.name} has {', '.join(found.names)}, and the band of {device.name} is of"
+            f"{one.name} has {', '.join(found.names)}, but the band of {device.name} is for"
             f" {', '.join(o.name for o in band.outputs)}; give a recording with one of these"
         )
     news = tuple(f for f in one.faults if f.wrong and f.kind not in band.corrected)
@@ -397,7 +397,7 @@ def _explained(band: Band, found: Windows, before: Floats) -> bool:
 
 
 def _nominal(h: Hypothesis, model: Model) -> Floats:
-    """Where the device file is in the x of a fit, whose effects may have begun elsewhere since."""
+    """The x of a fit for the device file, whose effects may have started elsewhere since."""
     x = np.zeros(h.x.size)
     for i, (p, first) in enumerate(zip(h.model.parameters, model.parameters, strict=True)):
         if p.kind == "effect":

@@ -27,7 +27,7 @@ COMMANDS = {
     "diagnose": (
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
-    "check": "Say whether a device is still true of its machine: for a build that fails if not.",
+    "check": "Check whether a device file still describes its machine, for automatic builds.",
     "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",

@@ -134,7 +134,7 @@ def _timed(console: Console) -> Callable[[str], None]:
 
 @dataclass(frozen=True)
 class Asked:
-    """What was asked, and where answers go.
+    """The inputs of a diagnosis, and the folder for its results.
 
     read: what each recording is read from; name: of the device, as it was given or made; line: the
     line that asks again. wall: whether to say what becomes of the stiffest wall; None for where the

@@ -1,8 +1,8 @@
 """The front door: a file that nobody described, and a device that nobody knows, each with a TOML.
 
-`described` turns a recording of another tool into a recording TOML beside the results, and says
-what it took the file for; `device_of` fits a device to recordings where none is given, and writes
-its file. Both are there to be edited: one that a person has edited is read, and not made anew.
+`described` turns a recording of another tool into a recording TOML beside the results, and reports
+how it read the file; `device_of` fits a device to recordings if none is given, and writes its file.
+Both are meant to be edited: a file that a person has edited is read, and not overwritten.
 """
 
 import os

@@ -190,7 +190,7 @@ def _covers(s: Mapping[str, Any]) -> bool:
 
 
 def _too_few(s: Mapping[str, Any]) -> bool:
-    """Whether a share outside the range is so by chance alone, for all that can be told."""
+    """Whether a share outside the range may be so by chance."""
     if not 0 < s["count"] < FEW or _covers(s):
         return False
     low, high = s["ci95"]

@@ -1,9 +1,9 @@
 """A command and a motion whose columns a guess took for one another, exchanged again.
 
-A header may name its columns the wrong way round. What the numbers say of it is asked of one mass
-that is regressed as the names have it, m a + b v = u (`diagnosis.intake.swapped`, which needs no
-better one); where they say so, the two signals take each other's places in the description, and
-each place keeps its unit.
+A header may name its columns in the wrong order. The numbers are checked with one mass that is
+regressed as the names say, m a + b v = u (`diagnosis.intake.swapped`, which needs no better one).
+If they contradict the names, the two signals exchange their places in the description, and each
+place keeps its unit.
 """
 
 import tomllib

@@ -1,7 +1,7 @@
 """A sign of life on standard error, wherever a command would say nothing for some seconds.
 
-A terminal gets one line that is written over again each second, anything else a line after every
-2.7 s of silence. It says how long the command has run, and what was begun last.
+A terminal gets one line that is overwritten each second, anything else a line after every 2.7 s of
+silence. It says how long the command has run, and which step was begun last.
 """
 
 import sys
@@ -16,7 +16,7 @@ LONGEST = 60  # characters of what is being done
 
 
 class Heartbeat:
-    """What was said last, and when. Of one process there is one, `HEART`."""
+    """The last message, and its time. There is one for each process, `HEART`."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

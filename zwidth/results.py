@@ -1,6 +1,6 @@
 """Results as programs read them: the JSON of ``--json``, stable from the first release.
 
-Numbers are SI, a unit stands in the name where it is no SI unit of the device itself; `None` means
+Numbers are SI; a name ends in its unit if that is no SI unit of the device itself; `None` means
 that there is none (no stable K), a missing key that it was not measured.
 """
 

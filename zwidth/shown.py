@@ -1,8 +1,8 @@
 """What every result can do: become arrays, be drawn, be looked at.
 
-A result says nothing of this itself. What it looks like stands in the package that `shown_by`
-names, one module a class, above everything that is shown and imported when it is first needed:
-arrays of xarray and pictures of matplotlib take a second to load, and a simulation needs neither.
+A result contains no code for this. Its table, arrays and pictures are defined in the package that
+`shown_by` names, one module a class, which is imported when it is first needed: xarray and
+matplotlib take a second to load, and a simulation needs neither.
 """
 
 from importlib import import_module

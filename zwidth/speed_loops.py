@@ -1,12 +1,12 @@
 """A goal of a speed that a guess took in proportion, where the loop that follows it integrates.
 
-Such a loop follows its goal without an error that stays, which one in proportion does not. Both are
-fitted to goal and speed (`identification.first_loop`); where the one that integrates leaves less
-than half of what the other does, the description says its integral time.
+Such a loop follows its goal without a lasting error, which a proportional one does not. Both are
+fitted to goal and speed (`identification.first_loop`); if the integrating one leaves less than half
+of the error, the description gets its integral time.
 
 A diagnosis holds the integral of the goal at its mean over each sample, where it rises by g T. The
-difference to it, g (T / 2 - s) at s in the sample, changes the speed at the samples by -K T^2 / 12
-of itself, m = 1. Where that shows, it is said.
+difference, g (T / 2 - s) at s in the sample, changes the speed at the samples by -K T^2 / 12 of
+itself, for m = 1. If this is significant, a sentence says so.
 """
 
 import math

@@ -1,37 +1,39 @@
 """Is the model adequate? Compares errors on held-out data with what its noise model predicts.
 
-A hypothesis that costs least may still be wrong: it is the best of those that were tried. If it is
-right, its free runs err on data that it was not fitted to as far as its noise and what is not known
-of its parameters make them, and no farther. How far that is, a parametric bootstrap says (Gelman,
-Meng & Stern, Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, and
-the device so drawn is simulated under the same command with innovations e of the very process that
-the hypothesis believes in, those of its observer (gain L) that its filters W make white,
+The hypothesis of least cost may still be wrong: it is only the best of those that were tried. If it
+is right, its free runs on held-out data err as much as its noise and the uncertainty of its
+parameters predict, and no more. A parametric bootstrap predicts that error (Gelman, Meng & Stern,
+Statistica Sinica 6, 1996): parameters are drawn from their covariance, and the device so drawn is
+simulated under the same command with innovations e of the fitted noise process, of which L is the
+gain of the observer and W the filters that whiten,
 
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
-w of the covariance that recordings have a step ahead. The answer follows y in free runs as it
-follows the recording. With T its log rms error over runs of one length, and T_i those of R draws,
-the answer is adequate where for all lengths
+w with the covariance of the one-step errors of the recordings. The answer's free runs on y are then
+computed as those on the recording. Let T be the log rms error over runs of one length, and T_i the
+same of R draws. The answer is adequate if for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
-t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA. An
-error below one step of the encoder refuses nothing: where motion is slow, rounding stays as it is
-for long, which is no noise of the filters' colour.
+t is the quantile of Student's t with R - 1 degrees of freedom that is exceeded with probability
+ALPHA. An error below one step of the encoder never makes an answer inadequate: in slow motion the
+rounding error stays constant for long, and the filters do not describe such noise.
 
-Size alone does not refuse what lacks physics. Errors of free runs are innovations filtered, and the
-filters take what a lack of friction leaves in the innovations for noise like any other: with
-innovations drawn from the recording itself in blocks, errors are foretold to the percent whatever
-lacks. What no noise does is follow the motion. So the same is asked of a second T: the log odds of
-the share of the square of errors that forces which follow the motion explain (`answer.coherence`).
+The size of the error alone does not reveal missing physics. Errors of free runs are filtered
+innovations, and the filters treat what missing friction leaves in the innovations as noise: with
+innovations drawn from the recording itself in blocks, errors are predicted to the percent whatever
+is missing. But noise does not follow the motion. So the same test is made with a second T: the log
+odds of the share of the squared error that forces which follow the motion explain
+(`answer.coherence`).
 
-And held-out data must not speak against what it names: its free runs, or its likelihood a step
-ahead, must be better than those of the better one of device file and refit by more than the scatter
-of the blocks (`compared`). What is not names nothing.
+Held-out data must also support the effects that the answer names: its free runs, or its likelihood
+one step ahead, must be better than those of the device file and of the refit by more than the
+scatter of the blocks (`compared`). This does not apply to an answer that names nothing.
 
-Limits: the filters see a resolution of 6.6 Hz at 1 kHz, and noise of a far slower colour makes free
-runs of seconds err more than they say. Noise that a force drives is led by motion where that force
-is. What lacks and leaves nothing but colour (play that rattles, a stiff cubic spring) is foretold.
+Limits: the filters resolve 6.6 Hz at 1 kHz. Noise that is much slower makes free runs of seconds
+err more than predicted. Noise that enters as a force follows the motion where that force acts.
+Missing physics that leaves only coloured noise (play that rattles, a stiff cubic spring) is not
+detected.
 """
 
 import math
@@ -82,10 +84,11 @@ TOLD = 10.0  # information in a direction of x, of which a device file's own is 
 
 @dataclass(frozen=True)
 class Ahead:
-    """Free runs over a horizon [s]: rms error of the first output, and what is to be expected.
+    """Free runs over a horizon [s]: rms error of the first output, and the expected error.
 
-    These in the output's unit; most: above it the answer is not adequate. led: share of its square
-    that forces which follow the motion explain; most_led: the same of it.
+    These are in the output's unit; most: above it the answer is not adequate. led: share of its
+    square that forces which follow the motion explain; most_led: the largest such share of an
+    adequate answer.
     """
 
     horizon: float
@@ -97,18 +100,18 @@ class Ahead:
 
     @property
     def adequate(self) -> bool:
-        """Whether the error is within what the answer itself foretells."""
+        """Whether the error is within what the answer itself predicts."""
         return self.error <= self.most and self.led <= self.most_led
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What held-out data say of an answer.
+    """What held-out data say about an answer.
 
-    explained: share of the mean square error over half a second (of the better one of device file
-    and refit) that the answer takes away. better: sigma by which it predicts better than these, in
-    free runs or a step ahead, whichever is more. names: whether it has any effects. runs: how many
-    free runs there were, of the length of which there were most.
+    explained: by which share the answer lowers the mean square error over half a second of the
+    better of device file and refit. better: by how many sigma it predicts better than these, in
+    free runs or one step ahead, whichever is more. names: whether it has any effects. runs: the
+    largest number of free runs of one length.
     """
 
     ahead: tuple[Ahead, ...]
@@ -119,12 +122,12 @@ class Adequacy:
 
     @property
     def sound(self) -> bool:
-        """Whether free runs err no farther than noise and unknown parameters make them."""
+        """Whether free runs err no more than noise and uncertain parameters predict."""
         return all(a.adequate for a in self.ahead)
 
     @property
     def useful(self) -> bool:
-        """Whether what it names is better than doing without, by more than blocks scatter."""
+        """Whether the named effects improve it by more than the scatter of blocks."""
         return not self.names or self.better > ADEQUACY.scatter
 
     @property
@@ -147,8 +150,9 @@ def adequacy(
 ) -> Adequacy | None:
     """Judge an answer by recordings that it was not fitted to.
 
-    nominal: the device file's model, without free values. Returns None where nothing can be said:
-    recordings shorter than three free runs of `SHORTEST` ticks, or no noise follows.
+    nominal: the device file's model, without free values. Returns None if no judgement is possible:
+    the recordings are shorter than three free runs of `SHORTEST` ticks, or the noise cannot be
+    simulated.
     """
     model, x = final.model, final.x
     others = [(nominal, np.zeros(len(nominal.parameters))), (refit.model, refit.x)]
@@ -189,18 +193,19 @@ def adequacy(
 
 
 def wander(error: float, floor: float) -> bool:
-    """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
+    """Whether free runs err too far beyond the noise of readings; False if that is unknown.
 
-    By a tenth of the motion, and by more than that noise is. Both over the motion.
+    Far: by a tenth of the motion, and by more than the noise of readings. Both are relative to the
+    motion.
 
-    A noise model of slow forces foretells any error of free runs as chance, also one that physics
-    of no library makes: an answer is adequate then, and promises nothing all the same.
+    A noise model of slow forces predicts any error of free runs as chance, including one from
+    unknown physics. An answer is adequate then, and still predicts badly.
     """
     return beyond_noise(error, floor) and error**2 - floor**2 > ADEQUACY.chance**2
 
 
 def beyond_noise(error: float, floor: float) -> bool:
-    """Whether more than half of an error's square is something else than the noise of readings."""
+    """Whether more than half of a squared error is something other than noise of readings."""
     return error**2 > 2.0 * floor**2
 
 
@@ -218,7 +223,7 @@ def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experimen
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
-    """Ticks of free runs of which there are enough; of short recordings as long as they allow."""
+    """Lengths of free runs, in ticks, of which there are enough; shorter for short recordings."""
     period = judge_by[0].period
     ticks = [e.ticks - settling(e) for e in judge_by]
     asked = [max(SHORTEST, round(h / period)) for h in ADEQUACY.horizons]
@@ -228,12 +233,12 @@ def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
 
 
 def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experiment:
-    """A recording as a model sees it, begun where it fits best."""
+    """A recording as a model reads it, with the initial state that fits best."""
     return begun(model.acting(x), model.seen(e, x), observer)
 
 
 def _band(logs: Floats) -> tuple[float, float] | None:
-    """Return mean, and what another of the same kind exceeds with odds of ALPHA."""
+    """Return the mean, and the value that another sample exceeds with probability ALPHA."""
     told = logs[np.isfinite(logs)]
     if told.size < ADEQUACY.runs:
         return None
@@ -245,7 +250,7 @@ def _band(logs: Floats) -> tuple[float, float] | None:
 def _runs(
     final: Fitted, observer: Observer, seen: Sequence[Experiment], lengths: Sequence[int]
 ) -> list[FreeRuns]:
-    """Free runs of the answer, of each length those of all recordings."""
+    """Free runs of the answer; of each length those of all recordings together."""
     device = final.model.acting(final.x)
     each = [free_runs(device, e, observer.gain, lengths, MOST_RUNS) for e in seen]
     return [
@@ -255,7 +260,7 @@ def _runs(
 
 
 def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Floats]:
-    """Log rms error of the first output (lengths,), and log odds of what motion explains of it."""
+    """Log rms error of the first output (lengths,), log odds of the share that motion explains."""
     with np.errstate(all="ignore"):  # infinite after an overflow
         errors = [np.log(np.sqrt(np.mean(r.errors[:, :, 0] ** 2))) for r in runs]
         shares = [s.share(r.errors[:, :, 0].ravel()) for r, s in zip(runs, spans, strict=True)]
@@ -264,16 +269,16 @@ def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Fl
 
 @dataclass(frozen=True)
 class Believed:
-    """Innovations of an observer that its filters make white, of covariance root root'."""
+    """Innovations of an observer that its filters whiten, with covariance root root'."""
 
     observer: Observer
     root: Floats
 
     def drawn(self, ticks: int, random: np.random.Generator) -> Floats:
-        """Return innovations (ticks, o): of a process without end, so that none needs to settle.
+        """Return innovations (ticks, o) of a stationary process, which needs no time to settle.
 
-        Autoregression by division of spectra, of a period longer than is asked for by what the
-        filters remember.
+        The autoregression is computed by dividing spectra, over a period that is longer than the
+        result by the memory of the filters.
         """
         filters = self.observer.filters()
         size = next_fast_len(ticks + FORGOTTEN, real=True)
@@ -284,11 +289,11 @@ class Believed:
 
 
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
-    """The colour that the answer believes in, as strong as recordings have it a step ahead.
+    """The noise colour of the answer, as strong as the one-step errors of recordings.
 
-    Up to `louder` times as strong as where it was fitted, in which its deviation is one: from there
-    on it is what the answer lacks. Of a machine without any disturbance a slow observer's
-    innovations are all that the answer lacks, and would be foretold as its noise.
+    The noise may be up to `louder` times as strong as where it was fitted (there its deviation is
+    one); more than that counts as missing physics. If a machine has no disturbance, the innovations
+    of a slow observer consist only of missing physics, and would be predicted as noise.
     """
     device = final.model.acting(final.x)
     white = _weighed(device, seen, observer)
@@ -301,10 +306,10 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
 
 
 def _known(final: Fitted) -> Floats:
-    """Return a root (x, directions) of the covariance of what the recordings tell of x.
+    """Return a root (x, directions) of the covariance of x that the recordings determine.
 
-    Directions that they do not tell (a free gain against all masses at once) change no motion, and
-    are left out: far along them the first order no longer holds.
+    Directions that the recordings do not determine (a free gain together with all masses) change no
+    motion. They are left out, since far along them the first order no longer holds.
     """
     slopes = final.jacobian[: final.samples]
     told, directions = np.linalg.eigh(slopes.T @ slopes)
@@ -321,10 +326,10 @@ def _bootstrapped(
     spans: Sequence[Span],
     seed: int,
 ) -> Floats:
-    """What is `_judged` (2, lengths) of what a device would give that the fit cannot tell from its.
+    """Return `_judged` (2, lengths) for a device drawn from the uncertainty of the fit.
 
-    own: the recordings as the answer sees them. What the device reads otherwise than the answer
-    (gain, origin) is taken off as the device reads it, and put on as the answer does.
+    own: the recordings as the answer reads them. Corrections of the device's reading (gain, origin)
+    are removed, and those of the answer applied.
     """
     random = np.random.default_rng(seed)
     root = _known(final)
@@ -345,7 +350,7 @@ def _bootstrapped(
 def _begun_again(
     device: Device, again: Experiment, mine: Experiment, observer: Observer
 ) -> Experiment:
-    """A recording that a model played, begun; with play, dear to seek, where the model did."""
+    """A recording that a model simulated, with its initial state; with play, that of the model."""
     if not with_play(device.physics) or mine.start is None:
         return begun(device, again, observer)
     before, after = (np.array(first_motion(e.outputs, e.measured, e.period)) for e in (mine, again))
@@ -359,7 +364,7 @@ def _better(
     own: Sequence[Experiment],
     without: Sequence[Sequence[Experiment]],
 ) -> tuple[float, float]:
-    """Share of the square error explained, and sigma over the better of device file and refit."""
+    """Share of the squared error explained, and sigma over the better of device file and refit."""
     device = final.model.acting(final.x)
     ticks = max(window(e) for e in own)
     free = _squares(device, own, observer, ticks)
@@ -379,12 +384,12 @@ def _better(
 def freer(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> bool:
-    """Whether one answer runs free better than another.
+    """Whether the free runs of one answer are better than those of another.
 
-    Each under its own observer; the horizon that tells most clearly decides, beyond `apart` sigma:
-    that the other's noise does not hold was shown before, so neither has the odds for it. Stretches
-    differ in how much they can show, so that a few of them tell little by their differences: where
-    one errs half of the other, the logarithms of their ratios tell as well.
+    Each has its own observer. The horizon with the clearest difference decides, if it exceeds
+    `apart` sigma. Stretches differ in how much they can show, so the differences of a few of them
+    say little. If one answer errs half as much in each of them, the logarithms of the ratios show
+    it.
     """
     told: list[float] = []
     for _, a, b in each_length(new, old, experiments):
@@ -400,8 +405,8 @@ def oftener_freer(
     """Whether free runs of one answer err less than those of another more often than by chance.
 
     By Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945), at any
-    horizon with odds of `often`. A law with a steep branch errs little in most runs and much in the
-    few in which it takes the wrong side; their squares would tell nothing.
+    horizon, with probability `often`. A law with a steep branch errs little in most runs and much
+    in the few in which it takes the wrong side, so mean squares would show nothing.
     """
     each = list(each_length(new, old, experiments))
     ratios = [log_ratios(b, a) for _, a, b in each]
@@ -412,7 +417,7 @@ def oftener_freer(
 def each_length(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> Iterator[tuple[int, Floats, Floats]]:
-    """Yield ticks of each length that fits, and mean square errors of two answers' free runs."""
+    """Yield lengths that fit, in ticks, and mean square errors of two answers' free runs."""
     for ticks in _lengths(experiments):
         a, b = (
             _squares(
@@ -429,13 +434,13 @@ def log_ratios(more: Floats, less: Floats) -> Floats:
 
 
 def clearly(gains: Floats) -> float:
-    """Sigma of a normal of the same odds as Student's t of a mean, of which a few tell less."""
+    """Sigma of a normal with the same odds as Student's t of a mean, which few values widen."""
     odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
     return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))
 
 
 def _step(judge_by: Sequence[Experiment]) -> float:
-    """The step in which positions of the first output were read; 0 where none is seen."""
+    """The step of positions of the first output; 0 if none shows."""
     if judge_by[0].outputs[0].quantity != "position":
         return 0.0
     return max(encoder_step_seen(e.measured[:, 0]) or 0.0 for e in judge_by)
@@ -449,14 +454,14 @@ def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks:
 
 
 def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
-    """-2 log likelihood in stretches, a step ahead, under the observer's noise."""
+    """-2 log likelihood by stretches, one step ahead, with the observer's noise."""
     each = np.sum(_weighed(device, seen, observer) ** 2, axis=1)
     parts = np.array_split(each, max(3, min(20, each.size // 50)))
     return np.nan_to_num(np.array([p.sum() for p in parts]), nan=1e300, posinf=1e300)
 
 
 def _weighed(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
-    """Weighed innovations (samples, o) of what was measured once settled."""
+    """Weighted innovations (samples, o) of the measurement, once settled."""
     parts: list[Floats] = []
     for e in seen:
         white = observer.weigh(innovations(device, e, observer.gain), e.uncounted)

@@ -51,7 +51,7 @@ def answered(
 ) -> Diagnosis:
     """Return the answer; opens the held-out data. events: what happened in the recordings.
 
-    An error in one part costs that part, and the verdict where it rests on it.
+    An error in one part loses that part, and the verdict if it depends on it.
     """
     stands = what_stands(device, taken, found, search, say)
     found, by, taken, changes = stands.found, stands.by, stands.taken, stands.changes
@@ -123,10 +123,11 @@ def answered(
 def _law(
     device: Device, stands: Stands, facts: Facts, say: Say
 ) -> tuple[LearnedLaw | LearnedSurface | None, bool, bool]:
-    """A law without a name, whether it is said rather than names, and whether it was interrupted.
+    """A learned law, whether it is reported in place of names, and whether it was interrupted.
 
-    Where names do not explain it all, or chance alone explains what free runs err by; and beside
-    or in the place of names that do, where their free runs err more than noise makes them.
+    That is where effects do not explain everything, or where only chance explains the error of free
+    runs. A law is learned beside the named effects or in their place if their free runs err more
+    than noise predicts.
     """
     by, because, free = stands.by, reason(facts), facts.free
     unnamed = because.verdict is Verdict.UNKNOWN_PHYSICS or because is Reason.STRAY
@@ -151,10 +152,10 @@ def _law(
 
 
 def _as_foretold(facts: Facts) -> bool:
-    """Whether free runs of names err no more than the noise beside them makes.
+    """Whether free runs of the named effects err no more than the noise predicts.
 
-    A law in their place errs as much at least, and so by no less than it must to be worth having.
-    Where forces of chance must explain a good part of the motion (`wander`), that says nothing.
+    A law in their place must lower the error by at least as much as any law. If random forces must
+    explain a large part of the motion (`wander`), that comparison says nothing.
     """
     sound = facts.sound
     if sound is None or not sound.sound or facts.strays:

@@ -1,18 +1,19 @@
-"""The improved device: the device file of the values that the fit used.
+"""The improved device, as a device file, from the values of the fit.
 
-A fit reads a recording by a gain of the command, an origin of the position (where a spring to
-ground rests) and a command that is held or smooth, takes steps off the recording and lost commands
-out of it, and folds a sensor out. All that is the device's, so that `zwidth simulate` of the saved
-device, under the command as it was recorded and from where it began, runs as the fit does freely.
+A fit reads a recording with a gain of the command, an origin of the position (where a spring to
+ground is at rest) and a command that is held or smooth. It removes the steps of the recording and
+lost commands, and unfolds a rectifying sensor. All of these become part of the device, so that
+`zwidth simulate` of the saved device, under the recorded command and from the recorded start, runs
+as the free run of the fit.
 
 Readings that are taken before their commands act (a negative skew) are a delay of the loop, and are
-the device's too. Limits: readings that are taken after it have no place in a device, in which a
-command follows from its reading; nor has by how much commands arrive early or late on average
-(jitter), which is a way to read a velocity and no motion. Which commands were lost is of the
-recording: a device has their rate. In several recordings of which some had smooth commands, the
-device says so where all did. A simulation's drive is on and at
-its nominal supply at all times: a recording in which it was not is no scenario. What limits the
-rate of a command lets a recording begin where it is, and a simulation at zero.
+also stored in the device. Limits: readings that are taken after the command cannot be stored in a
+device, in which a command follows from its reading. Nor can jitter, the mean error of the times of
+commands, which affects how a velocity is read and no motion. Which commands were lost belongs to
+the recording; the device has their rate. Of several recordings of which some had smooth commands,
+the device has them only if all did. A simulation has its drive on and at its nominal supply at all
+times, so a recording with other supplies cannot be repeated as a scenario. A limit of the command's
+rate starts at the recorded command in a fit, and at zero in a simulation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,11 +40,11 @@ def augmented(
     encoder_step: float = 0.0,
     early: float = 0.0,
 ) -> Device:
-    """Return the device of a model at x, with how it reads recordings.
+    """Return the device of a model at x, including how it reads recordings.
 
-    swing: rms motion, in which the origin counts. smooth: whether the commands were; folded:
-    whether the sensor was folded out; encoder_step: what the samples themselves show, or 0.
-    early [s]: by how much readings are taken before commands act.
+    swing: rms motion, the unit of the origin. smooth: whether the commands were smooth; folded:
+    whether the sensor was unfolded; encoder_step: what the samples themselves show, or 0. early
+    [s]: how long readings are taken before their commands act.
     """
     device, reads, known = model.build(x), model.reads(x), model.nominal.interface
     device = device.with_interface(
@@ -66,9 +67,9 @@ def improved(
     refit: Mapping[str, tuple[float, Estimate]],
     findings: Sequence[Finding],
 ) -> Device:
-    """Return the device of an answer, with all that was found and how recordings are read.
+    """Return the device of an answer, with everything found and how recordings are read.
 
-    Readings that are taken before commands act delay it, where that is told from nothing.
+    Readings that are taken before commands act become a delay, if the recordings show it clearly.
     """
     model = found.final.model
     _, skew = refit.get("skew", (0.0, Estimate(0.0, 0.0, 0.0)))

@@ -1,22 +1,23 @@
 """The error band of an improved device: errors of its free runs, kept for later recordings.
 
-Measured on the held-out data, and just as a check measures it later: from the device file alone,
-with the observer of the ratio that the file keeps. Each window begins in the observer's state and
+The band is measured on held-out data exactly as a later check measures it: from the device file
+alone, with the observer whose ratio the file keeps. Each window starts in the observer's state and
 then runs free.
 
-The motion of a window is that about its mean. A recording of larger motion may err more by as much;
-one of smaller motion no less, since dry friction does not shrink with it. Of n windows whose mean
-squares scatter by s of their mean, m further ones have a mean square of at most
+The motion of a window is its deviation from its mean. A recording of larger motion may err
+proportionally more; one of smaller motion may err no less, since dry friction does not shrink with
+the motion. If n windows have mean squares that scatter by the share s of their mean, m further ones
+have a mean square of at most
 
     error^2 max(1, motion^2 / motion_n^2) (1 + t s sqrt(1 / n + 1 / m)),
 
-t of Student with n - 1 degrees of freedom, exceeded once in a thousand. A few windows may agree by
-chance: s is taken as 0.5 at least, the scatter of a mean square of eight degrees of freedom, which
-the state that a window begins in and slow noise leave about. (Six windows of a simulated bench
-scattered by 0.06 to 0.19 in twelve recordings; with that alone a thirteenth was called changed,
-whose windows had begun less well.) Limits: windows that depend
-on each other scatter less than recordings do; a machine that was warm when it was diagnosed is out
-of its band while it is cold, which is what a check is to say.
+t is Student's quantile with n - 1 degrees of freedom, exceeded once in a thousand. A few windows
+may agree by chance, so s is at least 0.5: the scatter of a mean square with eight degrees of
+freedom, about as many as the initial state and slow noise leave. (Six windows of a simulated bench
+scattered by 0.06 to 0.19 in twelve recordings. With these values alone, a thirteenth was called
+changed because its windows had started less well.) Limits: overlapping information makes windows
+scatter less than recordings do. A machine that was warm when it was diagnosed is outside its band
+while it is cold; a check is meant to report this.
 """
 
 import math
@@ -69,7 +70,7 @@ def windows_of(
 ) -> Windows:
     """Return the free runs of a model at x on recordings of the same outputs.
 
-    ratio: of the observer from whose state each starts. Raises NoObserver where none follows.
+    ratio: of the observer in whose state each window starts. Raises NoObserver if there is none.
     """
     built = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
@@ -94,9 +95,9 @@ def windows_of(
 def band_of(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault] = ()
 ) -> Band | None:
-    """Return how far free runs of a device err on held-out data; None for fewer than two windows.
+    """Return the errors of free runs of a device on held-out data; None for fewer than two windows.
 
-    ratio: of the observer. faults: of the recordings. Raises NoObserver where none follows.
+    ratio: of the observer. faults: of the recordings. Raises NoObserver if there is none.
     """
     model = Model(device)
     shortest = min(judge_by, key=lambda e: e.ticks)
@@ -109,7 +110,7 @@ def band_of(
 def of_windows(
     found: Windows, seconds: float, ratio: float, corrected: Sequence[str] = ()
 ) -> Band | None:
-    """Return the band that windows of so many seconds say; None for fewer than two."""
+    """Return the band from windows of so many seconds; None for fewer than two."""
     count = found.error.shape[0]
     if count < 2 or not np.all(np.isfinite(found.error)):
         return None
@@ -137,7 +138,7 @@ def most(band: Band, output: OutputBand, found: Windows) -> float:
 def with_band(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault]
 ) -> Device:
-    """Return the device with its band, or without one where none can be measured."""
+    """Return the device with its band, or without one if none can be measured."""
     try:
         return replace(device, band=band_of(device, judge_by, ratio, faults))
     except NoObserver:

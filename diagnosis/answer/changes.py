@@ -1,12 +1,13 @@
 """Changes of the device during a recording, in the form of the answer.
 
-Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
-in what was fitted is named where it is believed over everything that was tried and stays the same,
-not only over the answer without it (a damper that settles may stand for friction that was refused),
-and where free runs on held-out data, which come after it, err no more with it than without. One in
-the held-out data themselves is dated by the whole recording, and what comes after it judges no
-more. With a change the device is as it was at the end: that is what the augmented device says, and
-what later recordings are held against; the rest of a recording is held against what it was in that.
+Every answer is asked for changes (`learning.changing`) before its held-out data are finally opened.
+A change in a fitted parameter is named if two conditions hold. It is believed over every constant
+model that was tried, not only over the answer without it (a damper that settles may stand for
+friction that was rejected). And free runs on held-out data, which come after it, err no more with
+it than without. A change within the held-out data is dated from the whole recording; what comes
+after it then no longer judges the answer. The augmented device is the device as it was at the end
+of the recording, and later recordings are compared with that; the earlier parts of a recording are
+compared with the device as it was in them.
 """
 
 import itertools
@@ -72,11 +73,11 @@ RUNS = 2  # free runs that fit into held-out data before a change, so that they 
 
 @dataclass(frozen=True)
 class Windows:
-    """A parameter as each window of the recordings tells it: middle [s], value, 95 % interval.
+    """A parameter in each window of the recordings: middle [s], value, 95 % interval.
 
-    Recordings follow each other; times (windows,) are from the first sample of the first.
-    changed: of what was fitted, its values at `line` (points,) [s]; dated: when a step is, the same
-    way, None where there is none within a recording.
+    Recordings follow one another; times (windows,) count from the first sample of the first.
+    changed: of the fitted change, its values at `line` (points,) [s]; dated: the same for the time
+    of a step, None if there is none within a recording.
     """
 
     times: Floats
@@ -90,18 +91,18 @@ class Windows:
 
 @dataclass(frozen=True)
 class Change:
-    """One parameter that does not stay the same.
+    """One parameter that changes.
 
     parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
     [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
     "settling", with the time constant `rate` [s] and its interval `rate_between`; "run", in one
-    recording only; "follows", linearly what was recorded as `covariate` in `covariate_unit`, from
-    one of `covariate_ends` to the other; "each recording", with the values `each` by the names of
-    the recordings. before, after: its values; by: what lies between, which may be known far better
-    than either, where another parameter does nearly the same. as_well: other courses that explain
-    it as well. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on
-    held-out data without the change and with it, None where the change itself is held out.
-    windows: what each part of the recordings says by itself.
+    recording only; "follows", linearly with the quantity `covariate` in `covariate_unit`, which
+    goes from one of `covariate_ends` to the other; "each recording", with the values `each` by the
+    names of the recordings. before, after: its values; by: their difference, which may be known far
+    better than either if another parameter does nearly the same. as_well: other courses that
+    explain it equally well. gained: decrease of -2 ln likelihood, less all penalties. free_run:
+    errors of free runs on held-out data, over the motion, without the change and with it; None if
+    the change itself is held out. windows: the value in each part of the recording by itself.
     """
 
     parameter: str
@@ -226,7 +227,7 @@ class Change:
 
 
 def _size(by: Estimate) -> Estimate:
-    """A difference without its sign."""
+    """The absolute value of a difference."""
     if by.value > 0.0:
         return by
     return Estimate(-by.value, -by.upper, -by.lower, by.unit)
@@ -235,7 +236,7 @@ def _size(by: Estimate) -> Estimate:
 def changing(
     device: Device, found: Searched, taken: Taken, say: Say
 ) -> tuple[Searched, Taken, tuple[Change, ...]]:
-    """Return what was found with what changes, what is to judge it, and the changes."""
+    """Return the search with its changes, the recordings that judge it, and the changes."""
     changes: list[Change] = []
     for _ in range(CHANGES.most):
         step = attempt("changes", "", partial(_one_more, device, found, taken, say))
@@ -256,7 +257,7 @@ def changing(
 def _one_more(
     device: Device, found: Searched, taken: Taken, say: Say
 ) -> tuple[Searched, Taken, Change] | None:
-    """A change within what was fitted, which held-out data bear out."""
+    """A change within the fitted data that held-out data confirm."""
     best = found.tried.best
     suspect = suspected(best)
     if suspect is None:
@@ -285,11 +286,11 @@ def _one_more(
 
 
 def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
-    """Whether a hypothesis that changes is ahead of all that were tried and do not.
+    """Whether a hypothesis with a change costs less than all constant ones that were tried.
 
-    It is believed over those that have nothing that it lacks, and costs less than all others. They
-    were fitted to recordings as they are, and it to their parts: what an answer costs on both
-    without the change says by how much the parts differ.
+    It must be believed over the hypotheses that have no effect it lacks, and cost less than all
+    others. These were fitted to whole recordings, and the change to their parts. The cost of one
+    constant answer on both shows by how much the two kinds of cost differ.
     """
     best = tried.best
     cost = h.cost.total + best.cost.total - new.without.cost.total
@@ -302,10 +303,11 @@ def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
 
 
 def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
-    """Return the changes of parameters that an answer still has, and still has as changing.
+    """Return the changes of parameters that an answer still has and still needs.
 
-    Held-out data may have refused the name whose parameter changes, and a law may do without. A
-    change in held-out data themselves (no free runs) is of a parameter that the answer has.
+    Held-out data may have rejected the effect whose parameter changes, and a learned law may not
+    need it. A change within held-out data (which has no free runs) must be of a parameter that the
+    answer has.
     """
     own = {p.name for p in found.final.model.parameters}
     varies = found.final.model.varies
@@ -313,7 +315,7 @@ def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
 
 
 def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
-    """A recording to judge by: in parts, where what drifts goes on as it did."""
+    """A validation recording: in parts, in which a drift continues."""
     if new.suspect.shape in CUT:
         return [_as_its_first_part(e, new)]
     follows = new.suspect.shape == FOLLOWS
@@ -339,10 +341,11 @@ def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> 
 
 
 def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
-    """The rest of a recording, with as much of a change as its first part had at its end.
+    """The rest of a recording, with the share of a change that its first part had at its end.
 
-    A step from one recording to the next, or one run that is unlike the others, is so to their ends
-    as well. What stands by itself is judged by the device as it was at last.
+    A step from one recording to the next, or one recording that differs from the others, also
+    applies to the held-out ends of these. A separate validation recording is judged by the device
+    as it was at the end.
     """
     if (first := e.before) is None:
         return e
@@ -356,7 +359,7 @@ def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
 
 
 def _rivals_anew(tried: Search, new: Varied) -> Search:
-    """What was tried, fitted anew with the change on the same parts; the cheapest is the best."""
+    """The hypotheses of the search, refitted with the change on the same parts; cheapest first."""
     model, parts = new.hypothesis.model, new.hypothesis.experiments
 
     def again(h: Hypothesis) -> Hypothesis | None:
@@ -394,7 +397,7 @@ def _same_changes(a: Hypothesis, b: Hypothesis) -> bool:
 
 
 def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Change] | None:
-    """A step in the held-out part of the one recording, dated by all of it."""
+    """A step in the held-out part of the only recording, dated with all of it."""
     if not taken.whole_unopened or len(taken.whole) != 1 or len(taken.judge_by) != 1:
         return None
     best, (held,) = found.tried.best, taken.judge_by
@@ -419,7 +422,7 @@ def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Cha
 def change_of(
     new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None = None
 ) -> Change:
-    """Return a change that was fitted to recordings, as it is said; free_run: as there."""
+    """Return a fitted change in the form of the answer; free_run: see `Change`."""
     h, suspect = new.hypothesis, new.suspect
     model, x = h.model, h.x
     own = next(p for p in model.parameters if p.name == new.names[0])
@@ -447,7 +450,7 @@ def change_of(
         return Estimate(value(at), min(ends), max(ends), unit)
 
     def difference() -> Estimate:
-        """From before to after, the other parameters as they are."""
+        """The hypothesis from before to after, the other parameters unchanged."""
         before, last_x = value(float(first @ x)), float(last @ x)
         half, way = Z95 * float(np.sqrt(max(spread[index, index], 0.0))), begins - ends_at
         least, most = (value(last_x + way * (x[index] + k * half)) for k in (-1.0, 1.0))
@@ -456,7 +459,7 @@ def change_of(
         return Estimate(now - before, min(ends), max(ends), unit)
 
     def one(name: str | None) -> Floats:
-        """The parameter in the recording that has a change of that name."""
+        """The parameter in the recording to which a change of that name belongs."""
         there = np.zeros(x.size)
         there[own.index] = 1.0
         if name is not None:
@@ -532,7 +535,7 @@ def _moved(new: Varied, experiments: Sequence[Experiment], ticks: Floats, end: f
 def _when(
     suspect: Suspect, experiments: Sequence[Experiment]
 ) -> tuple[str, float | None, tuple[float, float] | None]:
-    """The recording, and when in it [s]; no time where a change is from one to the next."""
+    """The recording, and when in it [s]; no time for a change from one recording to the next."""
     near = 2 * SETTLING if suspect.shape == STEP else 0  # to an end, which is that end
     place, before = 0, 0
     for e in experiments[:-1]:

@@ -1,20 +1,21 @@
 """Are errors of free runs coherent with the motion? Noise is not, missing physics is.
 
-Errors of a free run of a linear device are its innovations filtered, so noise of the right spectrum
-has errors as large as a lack of physics has, and their size alone cannot tell the two apart. But
-noise knows nothing of the motion. So the errors are held against what missing forces would add,
-each a function of the motion that the free run itself foretells, which later noise does not touch,
+The errors of a linear device's free run are its filtered innovations. So noise of the right
+spectrum causes errors as large as missing physics does, and their size does not distinguish the
+two. But noise is independent of the motion. The errors are therefore compared with what missing
+forces would cause, each a function of the motion that the free run itself predicts, on which later
+noise has no influence,
 
     e = sum_j a_j (g * phi_j(s, s')) + noise,
 
-s the position of m1 or the deflection of a link, g the linear device's answer to a force there
-from rest. What counts is the share of the square of e that all phi_j explain together; a constant
-force, which a slow noise is nearly, is taken off before. A share has no size: what the noise model
-says of the strength of the noise does not matter.
+s is the position of m1 or the deflection of a link, g the linear device's response to a force there
+from rest. The result is the share of the square of e that all phi_j explain together. A constant
+force, which slow noise resembles, is removed first. A share does not depend on size, so the
+strength that the noise model assumes does not matter.
 
-Limits: few forms of force, along the motion of a model that lacks them: friction shows, but play in
-a link makes it rattle at times that no free run foretells, and is not seen here. At a horizon of
-which few runs are held, noise seems to follow any motion, and nothing is said.
+Limits: few forms of force are tried, along the motion of a model that lacks them. Friction is seen;
+play in a link is not, since it makes the link rattle at times that no free run predicts. If few
+runs of a horizon are held out, noise seems to follow any motion, and the test is not made.
 """
 
 from collections.abc import Callable
@@ -44,7 +45,7 @@ LEAST = 1e-6  # of the largest direction, below which forces are the same
 
 @dataclass(frozen=True)
 class Span:
-    """Directions of errors (samples, k), each orthonormal: of a constant force, and of the rest."""
+    """Orthonormal directions of errors (samples, k): of a constant force, and of the others."""
 
     constant: Floats
     forces: Floats
@@ -57,9 +58,9 @@ class Span:
 
 
 def span(device: Device, experiment: Experiment, motion: Floats) -> Span:
-    """Return what forces along foretold motion (runs, length, 2n) add to the first output.
+    """Return what forces along the predicted motion (runs, length, 2n) add to the first output.
 
-    Forces are at m1 and in the links. Motion that has overflowed leads nothing.
+    Forces act at m1 and in the links. A motion that has overflowed explains nothing.
     """
     n, length = device.chain.masses.size, motion.shape[1]
     motion = np.where(np.isfinite(motion).all(axis=(1, 2), keepdims=True), motion, 0.0)
@@ -87,7 +88,7 @@ def _filtered(forces: Floats, answer: Floats) -> Floats:
 
 
 def _directions(columns: Floats) -> Floats:
-    """Return orthonormal directions of columns, without those that are others again."""
+    """Return orthonormal directions of columns, without linearly dependent ones."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     return left[:, values > LEAST * values.max(initial=0.0)]

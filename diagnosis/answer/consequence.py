@@ -1,20 +1,20 @@
 """The worth of each finding: how much larger held-out free-run errors are without it.
 
-The answer less one effect, its other parameters fitted again, follows the same held-out recordings
-under the same observer. Over runs of each length that fits (`adequacy`) its mean square error is
-held against that of the answer,
+The answer without one effect, with its other parameters fitted again, predicts the same held-out
+recordings with the same observer. Over runs of each length that fits (`adequacy`), its mean square
+error is compared with that of the answer,
 
     worth = sqrt(mean e_without^2 / mean e_with^2),    pays where the difference exceeds its scatter
 
-over the runs, or that of the logarithms does, since stretches differ in how much they can show. The
-length at which it is clearest speaks.
+over the runs, or the scatter of the logarithms, since stretches differ in how much they can show.
+The length with the clearest difference counts.
 
-A finding is negligible where its interval holds none of it, or held-out data are foretold better
-without it: what is significant by likelihood and may be nothing all the same is seen, and is of no
-consequence.
+A finding is negligible if its interval includes "none of it", or if held-out data are predicted
+better without it. Such an effect is significant by its likelihood, but may be nothing; it is
+reported as seen, but of no consequence.
 
-Limits: a parameter that only held-out motion excites is worth nothing here. Errors of free runs
-hold the noise of readings and forces of chance too, which no finding takes away.
+Limits: a parameter that only held-out motion excites has no worth here. Errors of free runs also
+contain the noise of readings and random forces, which no finding removes.
 """
 
 import math
@@ -36,7 +36,7 @@ from zwidth.sim.place import label_of, place_at
 
 @dataclass(frozen=True)
 class Worth:
-    """How many times as much free runs err without a finding, at how many sigma, over which [s]."""
+    """By how much free runs err more without a finding, at how many sigma, over which time [s]."""
 
     times: float
     sigma: float
@@ -51,7 +51,7 @@ class Worth:
 def weighed(
     findings: Sequence[Finding], found: Searched, judge_by: Sequence[Experiment]
 ) -> tuple[Finding, ...]:
-    """Return findings with what each is worth; found: the answer that held-out data judge."""
+    """Return findings with their worth; found: the answer that held-out data judge."""
     labels = effect_labels(found.final.model.effects)
 
     def own(f: Finding) -> Finding:
@@ -66,7 +66,7 @@ def weighed(
 
 
 def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Worth | None:
-    """Return what an effect of the answer (its place in the model) is worth; None where unknown."""
+    """Return the worth of an effect of the answer (its index in the model); None if unknown."""
     bare = fit(found.problem, *found.final.model.less(found.final.x, index))
     period = judge_by[0].period
     told: list[Worth] = []
@@ -79,11 +79,12 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 
 
 def may_be_nothing(finding: Finding) -> bool:
-    """Whether the interval of what makes a finding strong holds none of it, or held-out data do.
+    """Whether the interval of a finding's strength includes none of it, or held-out data reject it.
 
-    They do where free runs err less without it, and over no horizon more. Of the effects that were
-    named on 60 sealed recordings that was so of two, neither of which was there; of those that were
-    the clearest horizon told by 0.8 sigma at least. Runs too few to scatter (0 sigma) say nothing.
+    They speak against it if free runs err less without it, and over no horizon more. Of the effects
+    named on 60 sealed recordings this was so for two, and neither of them existed. For effects that
+    existed, the clearest horizon showed at least 0.8 sigma. Runs too few to have a scatter (0
+    sigma) decide nothing.
     """
     worth = finding.worth
     if worth is not None and worth.sigma < 0.0 and worth.times < 1.0 / ADEQUACY.matters:

@@ -1,8 +1,9 @@
 """Events that happened once during a recording, in the form of the answer.
 
-When it is asked for, and what becomes of an answer where something happened: `knowing_events`.
+`knowing_events` decides when to look for events, and what an answer becomes if something happened.
 
-Over a tick, force times way is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is held.
+Over a tick, force times travel is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is
+held.
 """
 
 from collections.abc import Sequence
@@ -37,7 +38,8 @@ HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip
 class Course:
     """An event over time [s] of its recording: force (ticks,) with its 95 % band, and the motion.
 
-    Of a slip `force` is what the reading is off by. motion: of the place, as measured or followed.
+    Of a slip, `force` is the error of the reading. motion: of the place, as measured or as
+    simulated.
     """
 
     times: Floats
@@ -51,15 +53,15 @@ class Course:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened.
+    """One event.
 
     kind: "hit", "stop" (a hit on a stop), "jam", "touch" (a hand or another contact), "push" (a
-    force between a hit and a touch), "slip" (of a sensor, a coupling or a clamp). place: mass, link
-    or output. at [s] of the recording with the 95 % interval between: of what is short its middle,
-    of what lasts its beginning; until, until_between: the same of its end, None of what is short or
-    slips. force: the largest mean over 20 ms; impulse, energy: brought to the device, negative
-    where it took energy. slip: how far; stop: where one is [rad | m]. elsewhere: places that
-    explain it as well. gained: chi-square.
+    force longer than a hit and shorter than a touch), "slip" (of a sensor, a coupling or a clamp).
+    place: mass, link or output. at [s] of the recording with the 95 % interval between: the middle
+    of a short event, the beginning of a long one; until, until_between: the same of its end, None
+    for a short event or a slip. force: the largest mean over 20 ms; impulse, energy: given to the
+    device, negative if taken from it. slip: by how much; stop: where one is [rad | m]. elsewhere:
+    places that explain it equally well. gained: chi-square.
     """
 
     kind: str
@@ -155,7 +157,7 @@ class Event:
 def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) -> tuple[Event, ...]:
     """Return the events in whole recordings, as one fitted hypothesis sees them, without a search.
 
-    fit_on: as `happenings` takes it. Raises NoObserver where none follows.
+    fit_on: as in `happenings`. Raises NoObserver if there is none.
     """
     known = happenings(recordings, h, fit_on)
     h = settled(judged(fit_on(known), h.model, h.x, h.family))
@@ -165,7 +167,7 @@ def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) ->
 def all_said(
     every: Sequence[Experiment], best: Hypothesis, known: Sequence[Happened]
 ) -> tuple[Event, ...]:
-    """Return known events of whole recordings as an answer says them; best: fitted beside them."""
+    """Return known events of whole recordings in the form of the answer; best: fitted with them."""
     if not known:
         return ()
     h = judged(with_events(every, known), best.model, best.x)
@@ -273,7 +275,7 @@ def _motion(one: Happened, h: Hypothesis) -> tuple[Floats, float]:
 
 
 def _means(ticks: int, over: int) -> Floats:
-    """Rows (means, ticks) that take the mean of a force over so many ticks, at each of them."""
+    """Rows (means, ticks) that average a force over so many ticks, one for each start."""
     over = min(over, ticks)
     return np.array([np.roll(np.arange(ticks) < over, k) for k in range(ticks - over + 1)]) / over
 

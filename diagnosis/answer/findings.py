@@ -53,7 +53,7 @@ NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
 
 def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
-    """The effects of the model, and before them a folded sensor, after them an encoder's step."""
+    """The effects of the model; before them a rectifying sensor, after them an encoder's step."""
     findings = _findings(found)
     with isolated("detect", "encoder_step at sensor"):
         steps = _encoder(device, found, taken.whole, taken.faults)
@@ -67,7 +67,7 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
 
 
 def _findings(found: Searched) -> tuple[Finding, ...]:
-    """The effects of the model, what explains most first."""
+    """The effects of the model, the one that explains most first."""
     final, tried = found.final, found.tried
     spread = attempt("intervals", "", partial(standard_errors, final))
     spread = np.full(final.x.size, np.nan) if spread is None else spread
@@ -91,7 +91,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
 
 
 def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> Finding:
-    """With how many sigma it stands above doing without it, its rivals, its probabilities."""
+    """An effect's sigma over a model without it, its rivals, its probabilities."""
     if odds is None:
         return one
     return replace(
@@ -104,7 +104,7 @@ def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> 
 
 
 def half_width(way: Floats, spread: Floats) -> float:
-    """Return half of the 95 % interval of way x (p,), of covariance spread (p, p) of x."""
+    """Return half of the 95 % interval along a direction x (p,); spread (p, p): covariance."""
     return Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
 
 
@@ -113,7 +113,8 @@ def _estimates(
 ) -> dict[str, Estimate]:
     """Values of an effect of the model with their intervals; also "phase in WORD".
 
-    among: variances over the structures that may be true, beside those in the one that was found.
+    among: variances over the structures that may be true, besides those within the one that was
+    found.
     """
     model, x = final.model, final.x
     physics, spread = model.effects[index], covariance(final)
@@ -147,10 +148,10 @@ def _within(
 def _encoder(
     device: Device, found: Searched, acted: Sequence[Experiment], faults: Sequence[Fault]
 ) -> Finding | None:
-    """The encoder's step that the samples themselves show, where the device does not know it.
+    """The encoder's step that the samples themselves show, if the device file has none.
 
-    Values that were not counted would all lie within `INTAKE.whole` of a lattice with the odds of
-    (2 whole)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    Values that are no counts would all lie within `INTAKE.whole` of a lattice with a probability of
+    (2 whole)^n: this gives the sigma. A step far below the noise is not physics.
     """
     position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
@@ -169,7 +170,7 @@ def _encoder(
 
 
 def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
-    """Estimates of what no slope leads to: steps, and the rate of lost commands."""
+    """Estimates of parameters without a slope: steps, and the rate of lost commands."""
     name, rotary = physics.effect.name, found.final.model.nominal.rotary
     (key,) = physics.values
     value = physics.values[key]
@@ -187,7 +188,7 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 def linear(
     device: Device, final: Fitted, experiments: Sequence[Experiment]
 ) -> dict[str, tuple[float, Estimate]]:
-    """Return (nominal, estimate) of each linear parameter by name; a gain only where it is free."""
+    """Return (nominal, estimate) of each linear parameter by name; of a gain only if it is free."""
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
     spread = standard_errors(final)
@@ -208,7 +209,7 @@ def _of_recordings(
 ) -> dict[str, tuple[float, Estimate]]:
     """(nominal, estimate) of each linear parameter that recordings have of their own, by name.
 
-    As it is in the first recording that has it, with what is known to be different there.
+    As in the first recording that has it, including what is known to differ there.
     """
     model, spread = final.model, covariance(final)
     result: dict[str, tuple[float, Estimate]] = {}
@@ -233,7 +234,7 @@ def _of_recordings(
 
 
 def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: str) -> float:
-    """A linear parameter in a recording, by so much more in x."""
+    """A linear parameter in a recording that differs by so much in x."""
     there = model.there(x, e).copy()
     there[index] += more
     moved = model.within(there)
@@ -243,7 +244,7 @@ def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: s
 
 
 def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
-    """The magnitude of each effect that the recording would have shown: best fit and 1.96 sigma."""
+    """The smallest visible magnitude of each effect: best fit and 1.96 sigma."""
     problem, fitted = found.problem, found.final
     built, gain = fitted.model.build(fitted.x), fitted.model.reads(fitted.x).gain
     off = Complement(fitted.jacobian)
@@ -263,10 +264,11 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
 
 
 def without(found: Search, label: str) -> float:
-    """At how many sigma the best hypothesis stands above itself without an effect.
+    """How many sigma the best hypothesis is above itself without an effect.
 
-    Or, where that was not fitted, above the best that has none but others of its effects: what has
-    another in its place is a rival, and says nothing of what it explains.
+    Or, if that was not fitted, better than the best hypothesis whose effects are all among the
+    others of the best. A hypothesis with another effect in its place is a rival, and says nothing
+    about how much the effect explains.
     """
     best = found.best
     lacking = [h for h in found.tried.values() if h.labels <= best.labels - {label}]
@@ -276,10 +278,10 @@ def without(found: Search, label: str) -> float:
 
 
 def shares(found: Search) -> Shares:
-    """Return the probability of every structure that was fitted to its end, by its labels.
+    """Return the probability of every structure that was fitted to the end, by its labels.
 
-    An effect more than the best has is one of all that was looked through, and pays for it what a
-    search asks of it (`evidence.believed`).
+    A hypothesis with one effect more is the best of everything that was tried, so it pays the
+    penalty that a search requires (`evidence.believed`).
     """
     best = found.best
     kept = list(found.tried.values())
@@ -297,8 +299,9 @@ def probability(odds: Shares, label: str) -> float:
 def with_richer(odds: Shares, label: str) -> float:
     """Return the probability that a device has an effect or a richer form of it.
 
-    Who is told of a limit is told no less where that limit falls with speed: what contains an
-    effect takes nothing from its name, as it does not by its sigma (`Finding.confusable_with`).
+    Whoever is told of a limit is told the truth even if the limit also falls with speed: a richer
+    form takes nothing from the probability of an effect's name, nor from its sigma
+    (`Finding.confusable_with`).
     """
 
     def has(labels: frozenset[str]) -> bool:
@@ -308,10 +311,10 @@ def with_richer(odds: Shares, label: str) -> float:
 
 
 def elsewhere(found: Search, odds: Shares, label: str) -> dict[str, float]:
-    """Return by how much the values of an effect scatter over the structures that have it.
+    """Return how much the values of an effect scatter over the structures that have it.
 
-    Variances about those of the best, weighed by probability: which other effects a device has is
-    not known either, and what they are moves the values.
+    Variances about the values of the best, weighted by probability: it is also uncertain which
+    other effects a device has, and these change the values.
     """
     own = _values(found.best, label)
     scatter = dict.fromkeys(own, 0.0)
@@ -335,7 +338,7 @@ def _values(h: Hypothesis, label: str) -> dict[str, float]:
 
 
 def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
-    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    """Return the effects fitted in place of an effect of the best hypothesis, nearest first."""
     best = found.best
     behind: dict[str, float] = {}
     for h in found.tried.values():
@@ -361,7 +364,7 @@ def _contains(richer: str, simple: str) -> bool:
 
 
 def _behind(h: Hypothesis, best: Hypothesis) -> float:
-    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    """How much more a hypothesis costs than the best, in units of the pair's overdispersion."""
     if h is best:
         return 0.0
     phi = against(best, h).phi

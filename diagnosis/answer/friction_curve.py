@@ -1,21 +1,21 @@
 """The friction that was found as a curve over velocity, with its band and the samples behind it.
 
-What a name and its numbers say is read best as the curve that they are: all that acts at the place
-over its velocity, in steady sliding, beside what the recording asks for at each sample, which is
-the curve at the velocity that is predicted and the force that the innovations ask for beyond it
-(`missing_force`), under an observer a hundred times slower than the likeliest, which
-takes less of it for disturbance. Where the samples lie apart from the curve, the law is another.
+A friction law is best understood as a curve: all forces at the place over velocity in steady
+sliding. Beside it are drawn the forces that the recording requires at each sample: the curve at the
+predicted velocity, plus the missing force that the innovations show (`missing_force`), under an
+observer a hundred times slower than the likeliest one, which takes less of it for a disturbance. If
+the samples lie apart from the curve, the true law is another.
 
-A straight part is the damper of the device as well, and a constant the origin of its spring, so the
-band is that of the curve beside both as they were fitted.
+A straight part also belongs to the device's damper, and a constant to the origin of its spring. The
+band is therefore that of the curve beside both as they were fitted.
 
-The missing force is the Wiener estimate from weighted innovations e = -R f + noise, R the response
-of observer and device to a force at the place: with E and R their transforms,
+The missing force is the Wiener estimate from weighted innovations e = -R f + noise, where R is the
+response of observer and device to a force at the place. With the transforms E and R,
 
     F = - sum_o conj(R_o) E_o S / (1 + sum_o |R_o|^2 S),    S the force's assumed spectrum,
 
-of a force of first-order colour whose size and corner are those of the highest likelihood. Limits:
-the device counts as linear there, and a force that a refit absorbed is not in it.
+which is of first order, with the size and corner frequency of highest likelihood. Limits: the
+device counts as linear there, and a force that a refit absorbed is not included.
 """
 
 from contextlib import suppress
@@ -51,7 +51,7 @@ FASTEST = (0.001, 0.999)  # of the samples, between which it is drawn
 
 @dataclass(frozen=True)
 class FrictionCurve:
-    """The curve, its place, and what the recording says: velocities and forces (samples,)."""
+    """The curve, its place, and the samples of the recording: velocities and forces (samples,)."""
 
     whole: Together
     at: Place
@@ -60,7 +60,7 @@ class FrictionCurve:
 
 
 def friction_curve(found: Searched) -> FrictionCurve | None:
-    """Return the friction of an answer as a curve; None where it names none."""
+    """Return the friction of an answer as a curve; None if it names none."""
     problem, final = found.problem, found.final
     laws = final.model.effects_at(final.x)
     rubs = [p for p in laws if p.effect.family == FRICTION and follows(p, OVER, p.place)]
@@ -84,9 +84,9 @@ def friction_curve(found: Searched) -> FrictionCurve | None:
 
 
 def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
-    """Return the forces (samples,) at a mass or in a link that recordings ask for beyond a fit.
+    """Return the forces (samples,) at a mass or in a link that recordings need beyond a fit.
 
-    Those of all recordings one after the other, from where the observer has settled.
+    Those of all recordings in order, each from where the observer has settled.
     """
     slow = _slower(problem, fitted)
     each = [missing_force(slow, fitted, e, at)[SETTLING:] for e in problem.experiments]
@@ -94,7 +94,7 @@ def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
 
 
 def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
-    """Return by how much the first output (samples,) is read otherwise than a fit predicts."""
+    """Return the difference between the first output (samples,) and its prediction by a fit."""
     slow, model = _slower(problem, fitted), fitted.model
     device, gain = model.acting(fitted.x), slow.observer.gain
     seen = [model.seen(e, fitted.x) for e in slow.experiments]
@@ -109,9 +109,9 @@ def _slower(problem: Problem, fitted: Fitted) -> Problem:
 
 
 def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, place: str) -> Floats:
-    """Return the force (ticks,) at a mass or in a link that the innovations ask for [N m | N].
+    """Return the missing force (ticks,) at a place that the innovations show [N m | N].
 
-    In a link it acts on the first mass, and its contrary on the second.
+    In a link it acts on the first mass, and with the opposite sign on the second.
     """
     seen = fitted.model.seen(experiment, fitted.x)
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)

@@ -37,9 +37,9 @@ def models_of(device: Device, found: Searched) -> dict[str, tuple[Model, Floats]
 def told_of(
     fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> list[tuple[Experiment, bool]]:
-    """Return the recordings that are told of, and whether nothing was fitted to them.
+    """Return the recordings to report on, and whether nothing was fitted to them.
 
-    Of one that was split only the rest that judges.
+    Of a recording that was split, only the rest that judges.
     """
     firsts = {(e.before.name, e.before.begins) for e in judge_by if e.before is not None}
     whole = [e for e in fitted if (e.name, e.begins) not in firsts]
@@ -51,7 +51,7 @@ def held_out(
 ) -> tuple[HeldOut, HeldOut]:
     """Return (one step, free run) of the device before, refitted and augmented; opens the data.
 
-    Errors of the first output over its own variation; free runs start from the observer's state.
+    Errors of the first output over its own variation; free runs start in the observer's state.
     """
     gain = found.judge.gain
     step = [e.measured[settling(e) :, 0] for e in judge_by]
@@ -78,7 +78,7 @@ def held_out(
 def free_share(
     model: Model, x: Floats, observer: Observer, judge_by: Sequence[Experiment]
 ) -> float:
-    """Return what free runs of a model err by over the motion, as `held_out` counts it."""
+    """Return the error of free runs of a model over the motion, computed as in `held_out`."""
     built = model.acting(x)
     seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
     error, windows = _free(built, seen, observer.gain)
@@ -86,12 +86,12 @@ def free_share(
 
 
 def _free(device: Device, seen: Sequence[Experiment], gain: Gain) -> tuple[float, float]:
-    """What free runs err by in the first output, and the motion in their windows; both rms."""
+    """The error of free runs in the first output, and the motion in their windows; both rms."""
     runs = [free_run_errors(device, e, gain, window(e)) for e in seen]
     return rms([error[:, 0] for error, _ in runs]), rms([signal[:, 0] for _, signal in runs])
 
 
 def rms(parts: Sequence[Floats]) -> float:
-    """Return the rms of all of these together, not a number for nothing."""
+    """Return the rms of all of these together, NaN for none."""
     joined = np.concatenate(parts)
     return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")

@@ -1,32 +1,33 @@
 """The inverse model: the force that a recorded motion requires, compared with the command.
 
-Where the motion of every mass was recorded, nothing need be simulated to ask what a model lacks.
-Positions are freed of noise by a zero-phase low-pass (Butterworth, forwards and backwards), and
-velocities are the derivatives of a quintic spline through them. At each sample every mass is put
-where it was, as fast as it was; internal states (bristles, a lag, a further mode) go on.
-The device then moves for one tick T under the command, and with v what it has then and v^ what was
-recorded, to first order in what is missing,
+If the motion of every mass was recorded, no simulation is needed to see what a model lacks.
+Positions are smoothed by a zero-phase low-pass (Butterworth, forwards and backwards), and
+velocities are the derivatives of a quintic spline through them. At each sample every mass is set to
+its recorded position and velocity; internal states (bristles, a lag, a further mode) continue. The
+device then moves for one tick T under the command. Let v be its velocity afterwards and v^ the
+recorded one; to first order in what is missing,
 
     f = G^-1 (v^ - v),    G = d v(T) / d (forces held over T),
 
-is the mean force over the tick that it lacks. That on m1 beside the force that acts there, which is
-the command as gain, lag, delay and limit of the model let it arrive, is the force that the motion
-needs. Both are compared below half of the low-pass, where that passes all:
+is the mean missing force over the tick. The missing force on m1 plus the force that acts there (the
+command after the gain, lag, delay and limit of the model) is the force that the motion needs. Both
+are compared at frequencies below half of the low-pass, which it passes unchanged:
 
     error = rms(f_1) / rms(force that acts).
 
-This is the figure of the field: the inverse model of Gautier (Dynamic identification of robots with
-power model, ICRA 1997), with the kernel in the place of a regressor, so that any effect has its
-part. A mass that sticks holds any force within its friction, and lacks none.
+This is the customary figure of the field: the inverse model of Gautier (Dynamic identification of
+robots with power model, ICRA 1997), with the kernel in place of a regressor, so that all effects
+are included. A mass that sticks balances any force within its friction, and needs no other.
 
 The band ends where the noise of readings sigma would be a force of `NOISE` of the command,
 
-    2 sigma^2 / f_s  sum over f < band of (m1^2 (2 pi f)^4 + k^2)  =  (NOISE rms(command))^2,
+    The band ends where the noise of readings sigma would be a force of the share `NOISE` of the
+    command,
 
 with (2 pi f)^2 for a velocity, and at a fifth of the sampling frequency at the latest.
 
-Limits: a force at the drive alone; what other masses lack stands in their own f. A sensor is taken
-at its word. Of a velocity the position is counted from zero.
+Limits: only the force at the drive is compared; the missing forces of other masses are in their own
+f. The reading of a sensor is taken as true. Of a velocity the position is counted from zero.
 """
 
 import math
@@ -61,12 +62,12 @@ FEWEST = 20  # periods of the band in a recording, of which a figure is given
 
 @dataclass(frozen=True)
 class ForceError:
-    """What a recorded motion needs for a force at m1, and what was commanded.
+    """The force at m1 that a recorded motion needs, and the one that was commanded.
 
     Of "before", the device file, "refit", and "after", with what was found: acting (ticks,), from
-    begins [s] on, every period [s], the command as it arrives at m1, and lacking (ticks,), what is
-    needed less that. band [Hz]: up to which they are compared. held_out: whether nothing was fitted
-    to it.
+    begins [s] on, every period [s], the command as it arrives at m1, and lacking (ticks,), the
+    force that is needed minus that. band [Hz]: up to which they are compared. held_out: whether
+    nothing was fitted to it.
     """
 
     recording: str
@@ -85,12 +86,12 @@ class ForceError:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Rms of what lacks, infinite after an overflow."""
+        """Rms of the missing forces, infinite after an overflow."""
         return {name: finite_rms(f) for name, f in self.lacking.items()}
 
     @property
     def shares(self) -> dict[str, float]:
-        """Rms of what lacks over that of the force that acts."""
+        """Rms of the missing force over that of the force that acts."""
         sizes = self.sizes
         return {name: e / (sizes[name] or math.nan) for name, e in self.errors.items()}
 
@@ -106,10 +107,10 @@ class ForceError:
 def force_errors(
     device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> tuple[ForceError, ...]:
-    """Return the force errors of recordings that judge and of those that were fitted.
+    """Return the force errors of validation recordings and of those that were fitted.
 
-    Those of which the motion of a mass was not recorded, or no force was commanded, have none. The
-    rest of a recording is filtered with its first part, and judged alone.
+    Recordings without the motion of every mass, or without a commanded force, have none. The
+    held-out rest of a recording is filtered together with its first part, and judged alone.
     """
     models = models_of(device, found)
     return tuple(
@@ -138,7 +139,7 @@ def _of(
 def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     """Return the force (ticks, n) on each mass that a model lacks for a recorded motion, in a band.
 
-    Infinite after an overflow. The last tick has none, since where it leads was not recorded.
+    Infinite after an overflow. The last tick has none, since the state after it was not recorded.
     """
     seen = model.seen(e, x)
     position, velocity = motion(seen, model.nominal.chain.masses.size, 2.0 * band)
@@ -149,14 +150,15 @@ def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
 
 def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
-    """Return the command (ticks,) as it arrives at m1 in a model and is read, in a band."""
+    """Return the command (ticks,) as it arrives at m1 in a model and as it is read, in a band."""
     return as_read(model.acting(x), model.seen(e, x), _arrives(model, x, e, band))
 
 
 def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     """Return the command (ticks,) as it arrives at m1, in a band.
 
-    It is what a device without forces of its own lacks for standing still, turned round.
+    It is the force with the opposite sign that a device without forces of its own would need to
+    stand still.
     """
     seen = model.seen(e, x)
     still = np.zeros((seen.ticks, model.nominal.chain.masses.size))
@@ -165,10 +167,10 @@ def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
 
 def as_read(device: Device, e: Experiment, force: Floats) -> Floats:
-    """Return a force (ticks,) behind the filters between m1's motion and what is read of it.
+    """Return a force (ticks,) after the filters between m1's motion and its reading.
 
-    A motion that was filtered asks for a force that is filtered alike, as far as the device is
-    linear: L (F q) = F (L q).
+    A filtered motion needs an equally filtered force, as far as the device is linear: L (F q) = F
+    (L q).
     """
     output = _of_mass(e, 0)
     places = ("sensor", "velocity") if output and output.quantity == "velocity" else ("sensor",)
@@ -190,7 +192,7 @@ def _without(device: Device, *hooks: str) -> Device:
 def _forces(
     device: Device, seen: Experiment, position: Floats, velocity: Floats, band: float
 ) -> Floats:
-    """Forces (ticks, n) that a device lacks to be where it is said to be."""
+    """Forces (ticks, n) that a device lacks to be where the recording says."""
     n = position.shape[1]
     eq, fine = ready = prepared(seen.on(device))
     places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
@@ -218,7 +220,7 @@ def _forces(
 
 
 def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
-    """Return positions and velocities (ticks, masses) of what was recorded, below a frequency."""
+    """Return the recorded positions and velocities (ticks, masses), below a frequency."""
     t = e.period * np.arange(e.ticks)
     position, velocity = np.zeros((e.ticks, masses)), np.zeros((e.ticks, masses))
     for mass in range(masses):
@@ -234,15 +236,15 @@ def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
 
 
 def low_passed(values: Floats, to_hz: float, period: float) -> Floats:
-    """Return what is below a frequency, without a shift in time."""
+    """Return the part below a frequency, without a shift in time."""
     return sosfiltfilt(butter(ORDER, to_hz, fs=1.0 / period, output="sos"), values, axis=0)
 
 
 def band_of(device: Device, e: Experiment) -> float | None:
-    """Return up to which frequency [Hz] a recording tells the force at m1, None where it does not.
+    """Return up to which frequency [Hz] a recording determines the force at m1, None for nowhere.
 
-    Not where the motion of a mass is missing or its sign is, no force is commanded (free motion, a
-    goal, a motion that is prescribed), or noise hides the force.
+    It cannot be computed if the motion of a mass, or its sign, is missing, if no force is commanded
+    (free motion, a goal, a prescribed motion), or if noise hides the force.
     """
     outputs = [_of_mass(e, mass) for mass in range(device.chain.masses.size)]
     drives = any(p.effect.of_drive for p in device.physics)
@@ -271,15 +273,15 @@ def band_of(device: Device, e: Experiment) -> float | None:
 
 
 def _noise(y: Floats) -> float:
-    """Rms of what is white in a reading: fourth differences of it have 70 times its variance.
+    """Rms of the white part of a reading: its fourth differences have 70 times its variance.
 
-    Of an encoder that moves slowly at least a step over the root of twelve.
+    Of an encoder that moves slowly, at least a step over the root of twelve.
     """
     rough = float(np.sqrt(np.mean(np.diff(y, 4) ** 2) / 70.0))
     return max(rough, (encoder_step_seen(y) or 0.0) / math.sqrt(12.0))
 
 
 def _of_mass(e: Experiment, mass: int) -> Output | None:
-    """The output that tells how a mass moves, its position rather than its velocity."""
+    """The output that shows how a mass moves, preferably its position."""
     every = (Output("position", mass), Output("velocity", mass))
     return next((o for o in every if o in e.outputs), None)

@@ -11,7 +11,7 @@ from zwidth.shown import Shown
 class JointAnswers(Shown):
     """The answer for each joint of a recording.
 
-    answers: joint -> its diagnosis. left: joint -> why it has none, in a sentence.
+    answers: joint -> its diagnosis. left: joint -> in a sentence, why it has none.
     """
 
     answers: Mapping[str, Diagnosis]
@@ -20,5 +20,5 @@ class JointAnswers(Shown):
     def __getitem__(self, joint: str) -> Diagnosis:
         """Return the diagnosis of a joint; raises KeyError, which says why there is none."""
         if joint not in self.answers:
-            raise KeyError(self.left.get(joint, f"{joint!r} is none of {', '.join(self.answers)}"))
+            raise KeyError(self.left.get(joint, f"no {joint!r} in {', '.join(self.answers)}"))
         return self.answers[joint]

@@ -1,16 +1,16 @@
 """Events that happened once: excluded from the search for physics, reported in the answer.
 
-An event bends every fit, and a search takes it for physics. So what stands out of chance and
-explains more than the next effect is set apart while a search goes on (`events.set_apart`). The
-answer then sees the recordings as they are, whole: an event in the held-out data would spoil what
-they judge, and no parameter is fitted to what is asked there. What happens under it is fitted, its
-force is known from then on in every prediction and free run, and a slip is taken off the
-reading. What the search had tried is fitted anew to that; where the best of it has the names that
-it had, and free runs hold, these stand, else the search goes on from there.
+An event distorts every fit, and a search would take it for physics. So during a search, a part of
+the recording that chance does not explain and that explains more than the next effect is set apart
+(`events.set_apart`). The answer is then computed from the complete recordings: an event in held-out
+data would spoil the judgement, although no parameter is fitted to it. The force of the event is
+fitted, and included from then on in every prediction and free run; a slip is subtracted from the
+reading. The hypotheses of the search are fitted again with it. If the best of them has the same
+effects, and its free runs are adequate, these stand; otherwise the search continues from there.
 
-Names come first. What was set apart, or lies in held-out data, the search has not seen (an
-amplifier that meets its limit once looks like a force that acts for a while). So it is asked
-whether one effect more explains it: then nothing happened.
+Named effects have precedence. The search has not seen what was set apart or lies in held-out data,
+where an amplifier that reaches its limit once looks like a force that acts for a while. So it is
+first asked whether one more effect explains it; if so, no event happened.
 """
 
 from collections.abc import Sequence
@@ -37,9 +37,9 @@ ENDED = 0.1  # of how long a force acts, for which it must be seen not to
 def knowing_events(
     taken: Taken, found: Searched, say: Say
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
-    """Return recordings that know what happened in them, the answer to these, and the events.
+    """Return recordings with their events, the answer for these, and the events.
 
-    The same recordings and answer where nothing did, and where it was interrupted.
+    The same recordings and answer if nothing happened, or if the search was interrupted.
     """
     if found.interrupted:
         return taken, found, ()
@@ -57,14 +57,14 @@ def knowing_events(
 
 
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
-    """Recordings that know what happened, the answer then, and what that was."""
+    """Recordings with their events, the answer then, and the events."""
     with suppress(NoObserver):
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
         if (apart and peak is not None) or (later and known):
-            say("something may have happened: checking whether one effect explains it")
+            say("something may have happened once: checking whether one effect explains it")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None:
             if not later:
@@ -81,21 +81,21 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
 
 
 def _every(taken: Taken) -> tuple[Experiment, ...]:
-    """All that was recorded, whole: what happens in it counts its ticks."""
+    """All recorded data, complete, in which the ticks of an event are counted."""
     return (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
 
 
 def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
-    """Whether what begins at a tick of all that was recorded is in what is fitted."""
+    """Whether an event at a tick of all recorded data is in the fitted part."""
     own = one.recording
     return own < len(taken.whole) and one.first < taken.fit_on[own].ticks
 
 
 def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
-    """What stands out most of chance, None where nothing does.
+    """What differs most from chance, None if nothing does.
 
-    Names come first: an answer that was chosen for its free runs leaves what the next sample shows
-    and names (a ripple, how friction sets in), which would seem to happen at each turn.
+    Named effects have precedence: an answer that was chosen for its free runs lacks what the next
+    sample shows (a ripple, how friction sets in), and would seem to have an event at each reversal.
     """
     if found.near is not None and highest(every, found.near) is None:
         return None
@@ -103,7 +103,7 @@ def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
 
 
 def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment]) -> Search | None:
-    """The search with one effect more that explains what seems to happen; None where none does."""
+    """The search with one more effect that explains the apparent event; None if none does."""
 
     def again(h: Hypothesis) -> Hypothesis:
         return settled(judged(recordings, h.model, h.x, h.family, None, h.prices))
@@ -122,14 +122,14 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
 
 
 def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
-    """A search that has tried nothing yet but two hypotheses."""
+    """A search that so far has only two hypotheses."""
     new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
     restart(new, plain, best)
     return new
 
 
 def _happened(taken: Taken, best: Hypothesis) -> tuple[Happened, ...]:
-    """What happens as a hypothesis sees it; a force that acts until the end may be a change."""
+    """Events according to a hypothesis; a force that acts until the end may be a change."""
     every = _every(taken)
     if highest(every, best) is None:
         return ()
@@ -143,7 +143,7 @@ def _ends(one: Happened, e: Experiment) -> bool:
 
 
 def _with(taken: Taken, known: Sequence[Happened]) -> Taken:
-    """Recordings, whole and in their parts, that know of events."""
+    """Recordings, complete and in their parts, with their events."""
     there = with_events(_every(taken), known)
     whole, others = there[: len(taken.whole)], there[len(taken.whole) :]
     if not taken.whole_unopened:
@@ -163,10 +163,10 @@ def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
 
 
 def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:
-    """What was found, on recordings of which it was not known before what happened in them.
+    """The result of the search, fitted again to recordings with their events.
 
-    An event spoils free runs, for which an answer over a longer horizon was asked: that of the next
-    sample is fitted anew first, and stands where its free runs hold now.
+    An event spoils free runs, because of which an answer over a longer horizon was tried. So the
+    answer by the next sample is fitted again first, and stands if its free runs are adequate now.
     """
     far = found.beside if found.near is not None else None
     near = far or found
@@ -183,13 +183,13 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 
 
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
-    say(f"searching on from {tried.best.model.label}, with the event known")
+    say(f"continuing the search from {tried.best.model.label}, with the event known")
     searched_on(tried)
     return replace(_held(tried), far=found.far)
 
 
 def _held(tried: Search) -> Searched:
-    """An answer, and whether its free runs hold."""
+    """An answer, and whether its free runs are adequate."""
     device = tried.plain.model.nominal
     found = as_found(device, tried)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
@@ -197,7 +197,7 @@ def _held(tried: Search) -> Searched:
 
 
 def _fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
-    """What was tried, on other recordings: the cheapest of it are fitted to them."""
+    """The hypotheses of the search on other recordings: the cheapest are fitted to them."""
     every: list[Hypothesis] = []
     for h in before.tried.values():
         with suppress(NoObserver):

@@ -1,8 +1,9 @@
 """A learned law, as the answer reports it: its curve or surface, formula, and worth.
 
-A law over two states is a grid, or of two tables (`learning/surfaces`). Of two tables each law is
-known with the covariance of the fit, and looks like a formula of its own (`learning/formulas`): "a
-sine of the position times a parabola of the velocity", or "shifted by" it. A grid is of no form.
+A law over two states is a grid, or is made of two tables (`learning/surfaces`). Each of two tables
+is known with the covariance of the fit, and is compared with formulas of its own
+(`learning/formulas`): "a sine of the position times a parabola of the velocity", or "shifted by"
+it. A grid has no formula.
 """
 
 from abc import ABC, abstractmethod
@@ -39,9 +40,9 @@ LITTLE = 1e-3  # of the largest power, below which none is made
 
 @dataclass(frozen=True)
 class Law(ABC):
-    """A law that was learned, and held-out fits.
+    """A learned law, and the fits to held-out data.
 
-    names, law: errors over the motion of free runs on held-out data, with what is believed alone,
+    names, law: errors of free runs on held-out data, over the motion, with the named effects alone
     and with the law. found: the fit with it.
     """
 
@@ -53,22 +54,22 @@ class Law(ABC):
     @property
     @abstractmethod
     def over(self) -> str:
-        """What it follows, in words."""
+        """The state that it depends on, in words."""
 
     @property
     @abstractmethod
     def formula(self) -> str:
-        """What it looks like, "" for no form."""
+        """Its formula, "" for none."""
 
     @property
     @abstractmethod
     def energy(self) -> str:
-        """Say whether it ever makes energy."""
+        """Say whether it ever generates energy."""
 
     @property
     @abstractmethod
     def extent(self) -> str:
-        """Say how large it is, over what, of which form, and its worth."""
+        """Say its size, its state, its form, and its worth."""
 
     @abstractmethod
     def headline(self, masses: int) -> str:
@@ -81,7 +82,7 @@ class Law(ABC):
 
     @property
     def turns(self) -> bool:
-        """Whether it repeats over position, and so is what a ripple is one sine of."""
+        """Whether it repeats over position, so that a ripple is its first harmonic."""
         return False
 
     @property
@@ -121,10 +122,10 @@ class Law(ABC):
 
 @dataclass(frozen=True)
 class LearnedLaw(Law):
-    """A law over one state, and the formulas it looks like (cheapest first, none: of no form).
+    """A law over one state, and the formulas near it (cheapest first, empty for none).
 
-    formulas: of the law with the names that follow the same state at its place, where such are
-    (`whole`), else of the law.
+    formulas: of the law plus the named effects that follow the same state at its place, if there
+    are any (`whole`), else of the law alone.
     """
 
     curve: Learned
@@ -133,22 +134,22 @@ class LearnedLaw(Law):
 
     @property
     def turns(self) -> bool:
-        """Whether it repeats over position, and so is what a ripple is one sine of."""
+        """Whether it repeats over position, so that a ripple is its first harmonic."""
         return self.curve.period > 0.0
 
     @property
     def letter(self) -> str:
-        """What the formulas call the state."""
+        """The symbol of the state in formulas."""
         return LETTERS[self.curve.physics.effect.name]
 
     @property
     def formula(self) -> str:
-        """What it looks like, "" for no form."""
+        """Its formula, "" for none."""
         return self.formulas[0].text(self.letter) if self.formulas else ""
 
     @property
     def over(self) -> str:
-        """What it follows, and what it repeats by."""
+        """The state that it depends on, and its period."""
         period = self.curve.period
         length = "rad" if self.rotary else "m"
         repeats = f", repeating every {with_unit(period, length, 4)}" if period else ""
@@ -156,7 +157,7 @@ class LearnedLaw(Law):
 
     @property
     def extent(self) -> str:
-        """Say how large it is, over what, of which form, and its worth."""
+        """Say its size, its state, its form, and its worth."""
         reads = self.curve.physics.effect.name == "free_sensor"
         unit = ("rad" if self.rotary else "m") if reads else self.force_unit
         most = with_unit(float(np.abs(law_at(self.curve.physics, self.curve.seen)).max()), unit, 2)
@@ -168,7 +169,7 @@ class LearnedLaw(Law):
         curve = self.curve
         name = curve.physics.effect.name
         what = {
-            "free_amplifier": "something is added to the command",
+            "free_amplifier": "an error is added to the command",
             "free_sensor": "the reading errs",
         }.get(name, f"a force acts {place_in_words(curve.physics.place, masses)}")
         return f"{what} that has no name in the library: {self.extent}"
@@ -190,19 +191,19 @@ class LearnedLaw(Law):
 
     @property
     def absorbed(self) -> str:
-        """Say which names were part of the curve, "" for none."""
+        """Say which named effects were part of the curve, "" for none."""
         gone = self.curve.absorbed
         was, it = ("was", "it") if len(gone) == 1 else ("were", "them")
-        return f"{listed(gone)} {was} not needed any more: this curve includes {it}" if gone else ""
+        return f"{listed(gone)} {was} no longer needed: this curve includes {it}" if gone else ""
 
     @property
     def size(self) -> str:
-        """How it stands in a device file."""
+        """Its entry in a device file."""
         return f"a table of {self.curve.states.size} points"
 
     @property
     def caption(self) -> str:
-        """What its picture shows."""
+        """The title of its picture."""
         whole = self.curve.together
         both = "" if whole is None else (
             " The second curve is the sum of all forces that depend on the same quantity: the"
@@ -216,18 +217,18 @@ class LearnedLaw(Law):
 
     @property
     def others(self) -> list[str]:
-        """Formulas that its band does not tell from the first."""
+        """Formulas that its band does not distinguish from the first."""
         return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1 : 1 + LISTED]]
 
     @property
     def energy(self) -> str:
-        """Say whether it ever makes energy."""
+        """Say whether it ever generates energy."""
         return makes_energy(self.curve, self.rotary)
 
     def samples(self) -> tuple[Floats, Floats]:
-        """Return states and forces (samples,): what the recording says of the law at each sample.
+        """Return states and forces (samples,): the law's force according to each sample.
 
-        The law at the state that is predicted, and what its innovations ask for beyond it
+        The law at the predicted state, plus the force that its innovations require beyond it
         (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
         """
         physics, states = self.curve.physics, self.curve.seen
@@ -260,10 +261,10 @@ class LearnedLaw(Law):
 
 @dataclass(frozen=True)
 class LearnedSurface(Law):
-    """A law over two states, and what the laws of its tables look like (cheapest first).
+    """A law over two states, and formulas near those of its tables (cheapest first).
 
-    forms: of the first and of the second state; () for a grid, and empty for a law of no form.
-    names: with the law of one state that is believed, if any.
+    forms: of the first and of the second state; () for a grid, and empty if no form fits. names:
+    with the law of one state that is believed, if any.
     """
 
     curve: Surface
@@ -271,12 +272,12 @@ class LearnedSurface(Law):
 
     @property
     def over(self) -> str:
-        """What it follows, in words."""
+        """The states that it depends on, in words."""
         return " and ".join(self.curve.over)
 
     @property
     def formula(self) -> str:
-        """What it looks like, "" for no form."""
+        """Its formula, "" for none."""
         if not self.forms or not all(self.forms):
             return ""
         first, second = (LETTERS[state] for state in self.curve.states)
@@ -286,7 +287,7 @@ class LearnedSurface(Law):
         return f"({law.text(first)}) ({other})"
 
     def formula_at(self, first: Floats, second: Floats) -> Floats:
-        """Return what the formula makes of states (...,), where there is one."""
+        """Return the formula's values at states (...,), if there is a formula."""
         law, other = (form[0] for form in self.forms)
         if self.curve.shifts:
             return law.at(first + other.at(second))
@@ -294,7 +295,7 @@ class LearnedSurface(Law):
 
     @property
     def form(self) -> str:
-        """Its form in words: of which laws it is made, "" for a grid."""
+        """Its form in words: the laws that it is made of, "" for a grid."""
         each = [f"a {form[0].form.name}" if form else "a law" for form in self.forms]
         does = " shifted by " if self.curve.shifts else " times "
         return does.join(
@@ -303,12 +304,12 @@ class LearnedSurface(Law):
 
     @property
     def absorbed(self) -> str:
-        """Which names were part of it: of a surface, those are said to be replaced."""
+        """Which named effects were part of it; a surface replaces them."""
         return ""
 
     @property
     def extent(self) -> str:
-        """Say how large it is, over what, of which form, and its worth."""
+        """Say its size, its states, its form, and its worth."""
         most = float(np.abs(self.curve.at(*self.curve.seen.T)).max())
         looks = f", which looks like {self.form}" if self.forms else ""
         size = with_unit(most, self.force_unit, 2)
@@ -327,7 +328,7 @@ class LearnedSurface(Law):
 
     @property
     def size(self) -> str:
-        """How it stands in a device file."""
+        """Its entry in a device file."""
         if isinstance(self.curve.form, TablesForm):
             product = two_tables_of(self.curve.physics.values)
             return f"two tables of {len(product.first)} and {len(product.second)} points"
@@ -336,7 +337,7 @@ class LearnedSurface(Law):
 
     @property
     def caption(self) -> str:
-        """What its picture shows."""
+        """The title of its picture."""
         first, second = self.curve.over
         return (
             "Above: the force over both quantities, where the recording has samples (dots). Below:"
@@ -347,7 +348,7 @@ class LearnedSurface(Law):
 
     @property
     def others(self) -> list[str]:
-        """Formulas that its band does not tell from the first, of either law."""
+        """Formulas that its band does not distinguish from the first, of either law."""
         return [
             f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
             for form, state in zip(self.forms, self.curve.states, strict=False)
@@ -356,7 +357,7 @@ class LearnedSurface(Law):
 
     @property
     def energy(self) -> str:
-        """Say whether it ever makes energy along what was recorded, with its place's damper."""
+        """Say whether it generates energy along the recording, with the damper at its place."""
         final, place = self.found.final, self.curve.physics.place
         moved = predicted_states(self.found.problem, final)
         n, (i, j) = moved[0].shape[1] // 2, place.ends
@@ -389,7 +390,7 @@ class LearnedSurface(Law):
         }
 
     def _likeliest(self) -> dict[str, Any]:
-        """The likeliest formula of two tables, of its two parts."""
+        """The likeliest formula of two tables, from those of both."""
         return {
             "form": "shift" if self.curve.shifts else "product",
             "text": self.formula,
@@ -400,7 +401,7 @@ class LearnedSurface(Law):
         }
 
     def _tables(self) -> dict[str, Any]:
-        """Both tables with their bands, and what they look like."""
+        """Both tables with their bands, and the formulas near them."""
         curve = self.curve
         product = two_tables_of(curve.physics.values)
         found: dict[str, Any] = {}
@@ -417,7 +418,7 @@ class LearnedSurface(Law):
 
 
 def _grid(curve: Surface) -> dict[str, Any]:
-    """The grid with the band of what was seen of it, null where nothing was."""
+    """The grid with its band where samples were seen, null elsewhere."""
     grid = grid_of(curve.physics.values)
     rows, columns = np.array(grid.rows), np.array(grid.columns)
     half = curve.half(*np.meshgrid(rows, columns, indexing="ij"))
@@ -457,7 +458,7 @@ def _a(form: str) -> str:
 
 
 def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
-    """Return what a law looks like, and whether it is with the names that follow its state."""
+    """Return the formulas near a law, and whether they include the names that follow its state."""
     whole = curve.together
     if whole is not None:
         rubs = any("friction" in name for name in whole.names)
@@ -469,9 +470,9 @@ def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
 
 
 def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
-    """Return what either law of two tables looks like, () for a grid.
+    """Return the formulas near each law of two tables, () for a grid.
 
-    A shift may have another constant, since nothing tells from where it is counted.
+    A shift may include another constant, since nothing determines its zero.
     """
     if not isinstance(curve.form, TablesForm):
         return ()

@@ -29,7 +29,7 @@ LAWS = 3  # of each horizon, that are held against held-out data
 
 @dataclass(frozen=True)
 class Asked:
-    """What laws are learned for: an answer, the recordings that judge, and whom to tell."""
+    """The inputs of learning: an answer, recordings that judge, where to report progress."""
 
     device: Device
     found: Searched
@@ -37,14 +37,14 @@ class Asked:
     say: Say
 
     def hopeful(self, names: HeldOut, h: Hypothesis) -> bool:
-        """Whether free runs of a table of all its points err as little as those of a law must."""
+        """Whether free runs of a table with all its points err as little as a law must."""
         share = free_share(h.model, h.x, judge_of(h), self.judge_by)
         return share < VERDICT.worth_a_law * names.after
 
     def held_out(
         self, search: Search, h: Hypothesis, names: HeldOut
     ) -> tuple[HeldOut, Searched] | None:
-        """Free runs on held-out data with a law, and the fit; None where they are no better."""
+        """Free runs on held-out data with a law, and the fit; None if they are no better."""
         law, found = as_found(self.device, replace(search, best=h)), self.found
         free = held_out(self.device, law, self.judge_by)[1]
         ratio = free.after / names.after if names.after > 0.0 else 1.0
@@ -57,7 +57,7 @@ class Asked:
         return None
 
     def judged(self, search: Search, curve: Learned, names: HeldOut) -> LearnedLaw | None:
-        """A law as held-out data judge it; None where they speak against it, or it is a line."""
+        """A law as held-out data judge it; None if they reject it, or it is a line."""
         fit = self.held_out(search, curve.hypothesis, names)
         if fit is None:
             return None
@@ -68,7 +68,7 @@ class Asked:
         return LearnedLaw(curve, names, *fit, looks, both)
 
     def horizons(self) -> Iterator[Search]:
-        """The search as it was judged, and what it found judged over a longer horizon."""
+        """The search, and the same judged over a longer horizon."""
         tried = self.found.tried
         yield tried
         if not tried.best.family.whitening:
@@ -84,13 +84,13 @@ class Asked:
 
 
 def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
-    """Learn a law where names do not explain a recording; None where none holds on other data.
+    """Learn a law if effects do not explain a recording; None if none improves held-out data.
 
-    By what the next sample shows, and by what shows over a longer horizon: where noise of slow
-    forces is what a hypothesis believes in, the next sample tells little of a law, and a motion of
-    half a second tells much. The likeliest of each first; of those that hold on held-out data that
-    which errs less there, and where neither does the next of each, as of names. names: free runs on
-    held-out data of what is named.
+    Laws are sought by one-step errors, and by errors over a longer horizon: if a hypothesis assumes
+    noise of slow forces, the next sample shows little of a law, and a motion of half a second shows
+    much. First the likeliest law of each kind is tested. Of those that improve held-out data, the
+    one with the smaller error there is taken; if neither does, the next of each kind is tested, as
+    with named effects. names: free runs on held-out data with the named effects.
     """
     asked.say("no known effect explains it: learning a law")
     hopeful = partial(asked.hopeful, names)
@@ -109,10 +109,10 @@ def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
 
 
 def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSurface | None:
-    """Learn a law over two states; None where none holds on other data, or `Effort` asks for none.
+    """Learn a law over two states; None if none improves held-out data, or `Effort` excludes it.
 
-    Where free runs err more by what is missing than by noise still, with a law of one state where
-    one was learned. As `learned`, and held against that law as well.
+    Tried if free runs still err more than noise predicts, after a law of one state if one was
+    learned. As `learned`, and also compared with that law.
     """
     if not asked.found.tried.effort.surfaces:
         return None
@@ -141,7 +141,7 @@ def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSu
 
 
 def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
-    """A hypothesis under the noise of another search's family, fitted; None where none follows."""
+    """A hypothesis with the noise of another search's family, fitted; None if none follows."""
     family = search.best.family
     if h.family == family:
         return h
@@ -151,12 +151,12 @@ def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
 
 
 def beside_names(asked: Asked, names: HeldOut) -> tuple[LearnedLaw | None, bool]:
-    """Return a law where names explain a recording, and whether it stands in the place of several.
+    """Return a law if effects explain a recording, and whether it replaces several of them.
 
-    What is named may be a sum of names near a law that is in no library, or lack a part of what
-    follows one state. Asked only where some rounds of a fit promise a law beside the names: what
-    is better in their place is, to begin with, better beside them. As `learned`; None where the
-    names stand.
+    The named effects may be a sum of names near a law that is in no library, or lack a part of it
+    that follows one state. This is tried only if some rounds of a fit promise a law beside the
+    names, because a law that is better in their place also improves the fit beside them. As
+    `learned`; None if the names stand.
     """
     tried, hopeful = asked.found.tried, partial(asked.hopeful, names)
     tables = promising(tried.best, asked.say, hopeful)

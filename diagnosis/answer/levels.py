@@ -1,20 +1,22 @@
 """Did the command have one level only? If so, the level to record next.
 
-Of steps between +A and -A a friction F is hardly more than a command of A - F: what bends with the
-size of the motion (dry friction, drag, a dead band, a limit) is told from linear parameters by how
-the motion turns alone, and laws that bend differently from each other by less. A second level tells
-them at once. Which one, simulations say: the recordings are repeated at shares of their level by
-the answer and by what comes nearest to it, each as it was fitted. Over the motion they differ by
+With steps between +A and -A, a friction F differs hardly from a command of A - F. Effects that
+depend on the size of the motion (dry friction, drag, a dead band, a limit) differ from linear
+parameters only in how the motion reverses, and from one another by even less. A second level
+distinguishes them at once. Simulations show which level: the recordings are repeated at shares of
+their level by the answer and by the hypotheses nearest to it, each as it was fitted. Relative to
+the motion they differ by
 
     d(share) = least of the others (rms(y_answer - y_other) / rms(y_answer)),
 
-and the share is best where d is largest among those at which the device still moves.
+and the best share is the one with the largest d among those at which the device still moves.
 
-What free runs err on held-out data, over the motion, is how well the answer holds. Where that is no
-noise of readings, more than d(1) and less than d(share), another hypothesis is as good at this
-level and is not at another: of such an answer no name is promised, however much likelier it is.
+The error of free runs on held-out data, over the motion, says how accurate the answer is. If that
+error is larger than the noise of readings, more than d(1) and less than d(share), another
+hypothesis is as good at this level but not at another one. Then no effect is claimed, however much
+likelier it is.
 
-Limits: the others are those that the search fitted; a law that nothing asked for may need more.
+Limits: the others are those that the search fitted; other laws may need yet another level.
 """
 
 from collections.abc import Sequence
@@ -43,9 +45,10 @@ BENDING = ("friction", "force", "command")  # hooks of laws that do not grow wit
 
 @dataclass(frozen=True)
 class NextLevel:
-    """The one level of all commands [unit], the share of it to record next, by what they differ.
+    """The only level of all commands [unit], the share to record next, the difference there.
 
-    differs: of the motion, the answer and the nearest other, there; now: the same as recorded.
+    differs: how far the answer and the nearest other are apart at that level, over the motion; now:
+    the same at the recorded level.
     """
 
     level: float
@@ -78,9 +81,9 @@ class NextLevel:
 def next_level(
     found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> NextLevel | None:
-    """Return the level to record next; None where there are several, or nothing bends.
+    """Return the level to record next; None if there are several, or nothing depends on the level.
 
-    Where nothing was found the refit is the answer, which other levels may refute.
+    If nothing was found, the refit is the answer, which other levels may refute.
     """
     bends = [p for p in found.final.model.effects if _bends(p)]
     if found.final.model.effects and not bends:
@@ -104,7 +107,7 @@ def next_level(
 
 
 def one_level(experiments: Sequence[Experiment]) -> float | None:
-    """Return the level of the commands of all recordings; None where they have several, or none."""
+    """Return the level of the commands of all recordings; None if they have several, or none."""
     size = np.abs(np.concatenate([e.command for e in experiments]))
     if any(e.pushed is not None for e in experiments) or not size.max() > 0.0:
         return None
@@ -132,7 +135,7 @@ def _differs(
     experiments: Sequence[Experiment],
     share: float,
 ) -> float:
-    """Return d(share), 0 where the answer hardly moves or runs away."""
+    """Return d(share), 0 if the answer hardly moves or runs away."""
     least = np.inf
     played = [replace(e, command=share * e.command, measured=share * e.measured)
               for e in experiments]  # fmt: skip

@@ -1,7 +1,7 @@
 """Values of an answer in a recording's own units (A, V, counts) where a scale is unknown.
 
-One of an ampere or a count is taken for one of SI then (`sim.readable.counted_in`), so that the
-numbers stay and only what they are called changes: a friction of 0.4 N m is one of 0.4 A.
+One ampere or one count is then taken for one SI unit (`sim.readable.counted_in`), so that the
+numbers stay and only their units change: a friction of 0.4 N m becomes one of 0.4 A.
 """
 
 from dataclasses import fields, is_dataclass, replace

@@ -1,8 +1,8 @@
-"""What the fit of an answer knows of its device's numbers together, for the device's file.
+"""The joint uncertainty of an answer's parameters, for the device file.
 
-The rest that a fit has free (origins, the skew and jitter of the clock, what changed between
-recordings) is integrated out. The covariance is that of all parameters together: where the scale of
-the command is free, masses and forces scatter with it. What moves nothing has no place in it.
+The other free values of a fit (origins, the skew and jitter of the clock, differences between
+recordings) are integrated out. The covariance is that of all parameters together: if the scale of
+the command is free, masses and forces scatter with it. A parameter that moves nothing is left out.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ DIGITS = 6
 
 
 def with_posterior(device: Device, final: Fitted) -> Device:
-    """Return the device of a fit with the joint posterior of its numbers, or without any."""
+    """Return the device of a fit with the joint posterior of its parameters, or without one."""
     known = numbers_of_device(device)
     spread = covariance(final)
     ways: dict[str, np.ndarray] = {}
@@ -47,7 +47,7 @@ def with_posterior(device: Device, final: Fitted) -> Device:
 
 
 def _name(final: Fitted, p: Parameter) -> str:
-    """The name of a parameter in the device, "" for what is of the recording."""
+    """The name of a parameter in the device, "" for a parameter of the recording."""
     if p.kind == "gain":
         return "interface.command_gain"
     if p.kind != "effect":

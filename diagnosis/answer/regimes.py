@@ -1,21 +1,20 @@
 """Checks whether the model holds in every regime of the motion, or in one only.
 
-The last third of a recording is mostly more of the same, and judges little: at one level friction
-is a smaller command, in one direction it is a constant force. So what was found is judged where it
-was not fitted in another sense: a regime is left out (a recording, a level of the command, a
-direction, a half of the travel), parameters are fitted to the rest, and they must predict what was
-left out.
+The last third of a recording is mostly more of the same, and tests little: at one level friction is
+a smaller command, in one direction it is a constant force. So each finding is also tested on motion
+of another kind: a regime is left out (a recording, a level of the command, a direction, half of the
+travel), parameters are fitted to the rest, and must predict what was left out.
 
-With r the weighed innovations and priors at the best x and J their slopes, a fit without the
-samples of a regime s, on the rest q alone, moves by one Gauss-Newton step
+Let r be the weighted innovations and priors at the best x, and J their slopes. A fit to the rest q,
+without the samples of a regime s, differs by one Gauss-Newton step
 
     dx = -(J_q' J_q)^-1 J_q' r_q,    so that    r_s + J_s dx
 
-is what is left of the regime when it had no part in the fit. An effect holds in a regime unless a
-model without it, treated so too, is believed over it there (`selection.evidence`).
+is the error in the regime if it had no part in the fit. An effect holds in a regime unless a model
+without it, treated the same way, is believed over it there (`selection.evidence`).
 
-Limits: one step, so that a regime which alone determines a parameter (the level of a friction in
-one direction: J_q'J_q is nearly singular beside J'J, and says nothing of it) is left aside.
+Limits: only one step is made. So a regime that alone determines a parameter is skipped, such as the
+level of friction in one direction: J_q'J_q, nearly singular beside J'J, does not determine it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,9 +40,9 @@ TOLD = 0.05  # of what all samples say of a direction of x, that must be left wi
 
 @dataclass(frozen=True)
 class Regime:
-    """A part of what was recorded. where: (ticks,) of all recordings, less those of settling.
+    """A part of the recordings. where: (ticks,) of all recordings, without those of settling.
 
-    other: the words for what lies outside of it.
+    other: the words for the part outside of it.
     """
 
     name: str
@@ -52,7 +51,7 @@ class Regime:
 
 
 def regimes(experiments: Sequence[Experiment]) -> list[Regime]:
-    """Return the regimes that recordings have: those with enough samples inside and outside."""
+    """Return the regimes of recordings: those with enough samples inside and outside."""
     found = list(_all_regimes(experiments))
     return [r for r in found if LEAST < float(r.where.mean()) < 1.0 - LEAST]
 
@@ -97,9 +96,9 @@ def _speed(e: Experiment) -> Floats:
 
 
 def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
-    """How a hypothesis does in each regime beside one without some of its effects.
+    """How well a hypothesis does in each regime, compared with one without some of its effects.
 
-    Both priced (with slopes). Regimes that alone say something of a parameter are left out.
+    Both have slopes. Regimes that alone determine a parameter are left out.
     """
     found: list[Held] = []
     for regime in regimes(new.experiments):
@@ -115,7 +114,7 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
 
 
 def _left_out(h: Hypothesis, where: Where) -> Floats | None:
-    """-2 log likelihood (ticks of the regime,) under a fit to the rest; None where that is loose.
+    """-2 log likelihood (ticks of the regime,) for a fit to the rest; None if that is undetermined.
 
     The covariance of all innovations is that of the noise, as in `Observer.cost`.
     """
@@ -143,7 +142,7 @@ def _left_out(h: Hypothesis, where: Where) -> Floats | None:
 def step_without(
     rows: Floats, slopes: Floats, prior: tuple[Floats, Floats], where: Where
 ) -> Floats | None:
-    """Return dx (p,) by which a fit moves without a regime; None where the rest is loose.
+    """Return dx (p,) of a fit without a regime; None if the rest does not determine it.
 
     rows (ticks, o): white residuals; slopes (ticks, o, p); prior: residuals (k,) and slopes (k, p)
     of the priors.

@@ -61,7 +61,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another effect that could be meant: how many sigma worse it explains the recording."""
+    """A rival effect: how many sigma worse it explains the recording."""
 
     effect: str
     at: str
@@ -71,10 +71,10 @@ class Rival:
 
 @dataclass(frozen=True)
 class Held:
-    """How an effect does in a regime that had no part in the fit (`answer.regimes`).
+    """How well an effect does in a regime that was not fitted (`answer.regimes`).
 
-    other: where the fit was made. sigma: over doing without it; fails: whether doing without it is
-    believed there.
+    other: where the fit was made. sigma: of the comparison with a model without it; fails: whether
+    that model is believed there.
     """
 
     regime: str
@@ -133,7 +133,7 @@ class Finding:
     def without_probability(self) -> "Finding":
         """Return the finding without its probability, for an answer that is not adequate.
 
-        No fitted hypothesis is then adequate, so their relative weights are not probabilities.
+        Then no fitted hypothesis is adequate, so their relative weights are not probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
@@ -141,7 +141,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """rms error over rms of the signal on data not fitted to; noise_floor: what must remain."""
+    """rms error over rms of the signal on data not fitted to; noise_floor: the unavoidable part."""
 
     before: float
     refit: float
@@ -267,7 +267,7 @@ class Diagnosis(Shown):
 
 @dataclass(frozen=True)
 class Unanswered:
-    """What there is to say where an error leaves no diagnosis: faults of recordings, and errors."""
+    """The result if an error prevents a diagnosis: faults of recordings, and errors."""
 
     sentence: str
     faults: tuple[Fault, ...]
@@ -279,7 +279,7 @@ class Unanswered:
         return "Undecided: an error left nothing to conclude"
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
+        """Return the JSON of `zwidth diagnose`, with empty values for what is unknown."""
         lists = ("warnings", "findings", "negligible", "changes", "events")
         tables = ("linear_refit", "upper_bounds", "facts", "cost")
         unknown = ("adequacy", "learned", "next_experiment", "next_level")

@@ -46,11 +46,12 @@ from zwidth.sim.place import label_of, of_label
 
 @dataclass(frozen=True)
 class Stands:
-    """The answer that stands, and the recordings as it knows them.
+    """The final answer, and the recordings as it reads them.
 
-    found: on all that was searched; by: the same as held-out data may judge it, fitted to the first
-    part where `found` had to be searched in all. sound: how it stands on held-out data; left: what
-    it leaves; other: physics of no library in its place. halted: whether a person interrupted it.
+    found: on all data that were searched; by: the same as held-out data may judge it, fitted to the
+    first part if `found` had to be searched in all data. sound: how it fares on held-out data;
+    left: what it leaves unexplained; other: physics of no library in its place. halted: whether a
+    person interrupted it.
     """
 
     found: Searched
@@ -67,10 +68,10 @@ class Stands:
 def what_stands(
     device: Device, taken: Taken, found: Searched, search: Searches, say: Say
 ) -> Stands:
-    """Return the answer that stands of what was searched; opens the held-out data.
+    """Return the final answer of a search; opens the held-out data.
 
-    Where it does not explain them, what shows over a longer horizon is asked too, and then all that
-    was recorded.
+    If it does not explain them, effects over a longer horizon are tried too, and then all recorded
+    data are searched.
     """
     before, changes, halted = taken, (), found.interrupted
     if not halted:
@@ -112,7 +113,7 @@ def what_stands(
 def _unexplained(
     found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
 ) -> bool:
-    """Whether what is named does not explain the recordings, or not as far as free runs go."""
+    """Whether the named effects do not explain the recordings, or not as far as free runs go."""
     named = bool(found.final.model.effects)
     fails = sound is not None and not (sound.adequate if named else sound.sound)
     return other is not None or left.matters(named) or fails
@@ -121,10 +122,10 @@ def _unexplained(
 def standing(
     device: Device, taken: Taken, found: Searched, say: Say
 ) -> tuple[Searched, Adequacy | None]:
-    """What was found and how it stands; the next believed where held-out data speak against it.
+    """The answer and how it fares; the next likeliest if held-out data reject it.
 
-    Nothing where they speak against that as well. What was refused costs less than what is named
-    then, and stays beside it as the likelier rival: such an answer is never `identified`.
+    None if held-out data speak against that as well. The rejected answer costs less than the named
+    one, and stays beside it as the likelier rival, so such an answer is never `identified`.
     """
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
@@ -140,26 +141,27 @@ def standing(
 
 
 def held_adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:
-    """How the answer stands on held-out data."""
+    """How the answer fares on held-out data."""
     return adequacy(Model(device), found.refit, found.final, found.judge, taken.judge_by)
 
 
 def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
-    """What the final model leaves, and what of no library may stand in the place of its names."""
+    """What the final model leaves, and what unknown physics may be in place of its effects."""
     with stage("what is left"):
         left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
     other: Instead | None = None
-    name = "physics of no library in the place of what was named"
+    name = "unknown physics in place of the named effects"
     with stage("in place of names"), isolated("detect", name):
         other = instead_of(found)
     return left or Left(0.0, ""), other
 
 
 def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
-    """Hold the final residual against forces that follow one state, and that repeat or sway.
+    """Test the final residual for forces that follow one state, and that repeat or drift.
 
-    Then all that was recorded, held-out data too, against forces of free shape under observers that
-    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+    Then all data, including the held-out part, are tested for forces of free shape under observers
+    that hide none. Nothing of this is kept in the answer; it only shows whether a stop, say, is
+    first reached in held-out data.
     """
     wide = inflation(found.final.white)
     coloured = found.problem.observer.whitening is None
@@ -185,7 +187,7 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
 
 
 def instead_of(found: Searched) -> Instead | None:
-    """Return a force of no library that explains more than one of the effects, or all of them."""
+    """Return unknown physics that explains more than one of the effects, or all of them."""
     if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
         return None
     final, effects = found.final, found.final.model.effects
@@ -206,10 +208,10 @@ def instead_of(found: Searched) -> Instead | None:
 
 
 def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
-    """Say why a fit is no answer though it costs least, "" where nothing speaks against it.
+    """Say why a fit is no answer although it costs least, "" if there is no reason.
 
-    It ended as far from the device file as it may go; or the force that held-out motion needs, or
-    else a whole run of it, is farther off than without what was found.
+    It ended at the limit of its allowed distance from the device file; or the force that held-out
+    motion needs, or a whole run of it, is predicted worse than without what was found.
     """
     for p, x in zip(final.model.linear, final.x.tolist(), strict=False):
         # A mass, a spring or the gain at either end, a damper at its upper one.
@@ -232,10 +234,10 @@ def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceEr
 def named_only_whole(
     found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
 ) -> bool:
-    """Whether a search of all that was recorded may name what the first part of it does not.
+    """Whether a search of all recorded data may name what the first part does not show.
 
-    A force without a name is left in all of it, or free runs err farther than noise makes them on
-    what was held out, and on what was fitted do not.
+    A force without a name is left in all of the data, or free runs on held-out data err more than
+    noise predicts while those on fitted data do not.
     """
     unnamed_force = left.whole and left.matters(bool(found.final.model.effects))
     fails_later = found.held and sound is not None and not sound.sound
@@ -245,12 +247,12 @@ def named_only_whole(
 def second_look(
     found: Searched, left: Left, acted: Sequence[Experiment], search: Searches, say: Say
 ) -> tuple[Searched, Left, Fault | None]:
-    """Search all that was recorded, where a force is seen there that has no name in the first part.
+    """Search all recorded data, if a force shows there that has no name in the first part.
 
-    A command may meet its limit in the last seconds only. What has a name then was named with the
-    data that were to judge it, which the note says. What was found before is returned, without a
-    note, where nothing new has a name, something is still left, a name is lost, or it was
-    interrupted, which it then says.
+    A command may meet its limit only in the last seconds. What is named then was named from the
+    data that were to judge it, and the note says so. The earlier answer is returned, without a
+    note, if nothing new was named, if something is still left, or if a name was lost. It is also
+    returned if the search was interrupted, which the note then says.
     """
     say("the held-out data show more than was found: searching all of the recording")
     try:
@@ -297,16 +299,16 @@ def on_first_part(found: Searched) -> Searched:
 
 
 def _knowing_losses(taken: Taken, found: Searched) -> Taken:
-    """Recordings with what was lost in those that judge, where the answer says that such are."""
+    """Recordings with the lost commands of those that judge, if the answer has such."""
     lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
     return taken if lost is None else replace(taken, judge_by=tuple(lost))
 
 
 def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings with the commands that were lost in them, where the answer has such.
+    """Return recordings with their lost commands, if the answer has such.
 
-    Which ones were lost is chance: no model foretells it, and no free run is judged by it. Each
-    stands out alone, by log odds of 3 beyond the rate; no parameter is touched.
+    Which commands were lost is chance: no model predicts it, and no free run is judged by it. Each
+    must stand out by itself, by log odds of 3 beyond the rate; no parameter is changed.
     """
     final, observer = found.final, found.judge
     if not final.model.has("dropped_samples"):
@@ -323,7 +325,7 @@ def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Expe
 
 
 def _going_on(e: Experiment, parts: Sequence[Experiment]) -> Experiment:
-    """The rest of a recording, which knows what was lost in its first part."""
+    """The rest of a recording, with the lost commands of its first part."""
     if e.before is None:
         return e
     command = e.before.command

@@ -1,7 +1,7 @@
 """The verdict: a pure function of all results, called once they are complete.
 
-`reason` says why the verdict is what it is, the first of its list that holds; a reason has one
-verdict (its value). What is said of either is `answer.words`.
+`reason` says why the verdict is what it is: the first of its list that holds. Each reason has one
+verdict (its value). `answer.words` puts both into words.
 """
 
 from collections.abc import Sequence
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
 class Reason(Enum):
     """Why a verdict is what it is; the first that holds decides."""
 
-    LOST = "an error took what the verdict rests on"
-    ONE_LAW = "one learned law explains better what several names do"
-    OTHER = "a force of no library explains more than a name"
-    LEFT = "a force is left that has no name"
-    INADEQUATE = "free runs on held-out data err farther than noise makes them, or no less"
-    BAD = "the fit ended where it may not"
-    MORE = "a learned law is needed beside the names"
-    ONE_REGIME = "a name holds in one regime only"
-    DISTURBED = "chance must explain too much beside the names"
-    UNJUDGED = "no held-out data judge the names"
-    ONE_LEVEL = "the command's one level does not tell the names from others"
-    RIVALS = "other names explain it as well"
-    IMPROBABLE = "a name is not probable enough"
-    NAMED = "the names stand"
-    LAW = "nothing has a name, and a learned law explains it"
-    STRAY = "nothing has a name, and free runs err beyond noise"
+    LOST = "an error lost a result that the verdict needs"
+    ONE_LAW = "one learned law explains it better than several named effects"
+    OTHER = "unknown physics explains more than a named effect"
+    LEFT = "a force without a name remains"
+    INADEQUATE = "free runs on held-out data err more than noise predicts, or no less than before"
+    BAD = "the fit ended at a value that is not allowed"
+    MORE = "a learned law is needed beside the named effects"
+    ONE_REGIME = "a named effect holds in one regime only"
+    DISTURBED = "random forces must explain too much beside the named effects"
+    UNJUDGED = "there are no held-out data to judge the named effects"
+    ONE_LEVEL = "a command of one level does not distinguish the named effects from others"
+    RIVALS = "other effects explain it as well"
+    IMPROBABLE = "a named effect is not probable enough"
+    NAMED = "the named effects are confirmed"
+    LAW = "only a learned law explains it"
+    STRAY = "no effect is named, and free runs err more than noise predicts"
     LINEAR = "only linear parameters differ"
     NOTHING = "nothing is missing"
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict, of recordings that have no fault."""
+        """The verdict for recordings without a fault."""
         return VERDICTS.get(self, Verdict.UNKNOWN_PHYSICS)
 
 
@@ -65,10 +65,10 @@ NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.NAMED)  # unless a law i
 
 @dataclass(frozen=True)
 class Left:
-    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance.
+    """What the final model leaves: the chi-square that an unknown force would gain, 0 for chance.
 
-    whole: in all that was recorded, and not where it was fitted. beside: chi-square that may be
-    left beside names.
+    whole: in all recorded data, and not in the fitted part. beside: chi-square that may remain
+    beside the named effects.
     """
 
     gained: float
@@ -77,19 +77,19 @@ class Left:
     beside: float = 0.0
 
     def matters(self, named: bool) -> bool:
-        """Whether it is too much for a verdict by name, or there is no name."""
+        """Whether too much is left to name effects, or there are none."""
         return self.gained > (self.beside if named else 0.0)
 
 
 @dataclass(frozen=True)
 class Facts:
-    """All that a verdict rests on.
+    """Everything that a verdict depends on.
 
     refit: name -> (device file's, refitted) linear parameter; left: what no effect of the library
-    explains beside what was found, other: the same in its place; sound, free: what held-out data
-    say; bad: why the fit is no answer, "" for nothing; level: another to record; law: one of no
-    name, instead: whether it explains better what names do; lost: what an error took, "" for
-    nothing; masses: of the device's chain.
+    explains beside what was found, other: the same in its place; sound, free: results on held-out
+    data; bad: why the fit is no answer, "" for nothing; level: another level to record; law: one
+    without a name, instead: whether it explains better what named effects do; lost: what an error
+    removed, "" for nothing; masses: of the device's chain.
     """
 
     findings: Sequence[Finding]
@@ -108,14 +108,14 @@ class Facts:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict; what is wrong about the recordings comes before what was found in them."""
+        """The verdict; a fault of the recordings comes before anything found in them."""
         found = reason(self).verdict
         wrong = any(f.wrong for f in self.faults) and found is not Verdict.UNDECIDED
         return Verdict.RECORDING_FAULT if wrong else found
 
     @property
     def strays(self) -> bool:
-        """Whether chance must explain much of what free runs err by."""
+        """Whether chance must explain much of the error of free runs."""
         return wander(self.free.after, self.free.noise_floor)
 
     @property
@@ -132,14 +132,14 @@ class Facts:
 
     @property
     def doubtful(self) -> Finding | None:
-        """The least probable of the names, if it is not probable enough."""
+        """The least probable of the named effects, if it is not probable enough."""
         known = [(f.with_richer, f) for f in self.findings if f.with_richer is not None]
         chance, least = min(known, key=lambda pair: pair[0], default=(1.0, None))
         return least if chance < VERDICT.sure else None
 
     @property
     def undecided_by_level(self) -> bool:
-        """Whether another hypothesis is as good at the command's one level, and at no other."""
+        """Whether another hypothesis is as good at the command's only level, and not at others."""
         error = self.free.after
         if self.level is None or not self.level.now < error < self.level.differs:
             return False
@@ -167,7 +167,7 @@ def reason(f: Facts) -> Reason:
 
 
 def _of_names(f: Facts) -> Reason:
-    """Whether the names may be said, where nothing else is left beside them."""
+    """Whether the effects may be named, if nothing else is left."""
     if f.bad:
         return Reason.BAD
     if f.law is not None and not f.law.turns:  # which is a ripple's own shape

@@ -1,8 +1,9 @@
 """Errors of free runs over whole recordings, per output: in its unit and relative to the motion.
 
-The model starts where the recording does and is never corrected. What was taken otherwise than it
-was recorded is turned back: a position that was counted from a velocity is differenced and filtered
-again, v_k = a v_(k-1) + (1 - a) (q_k - q_(k-1)) / T, and what was folded out is folded.
+The model starts where the recording does and is never corrected. Where the fit reads a recording in
+another form, the run is converted back: a position that was counted from a velocity is differenced
+and filtered again, v_k = a v_(k-1) + (1 - a) (q_k - q_(k-1)) / T, and an unfolded sensor is folded
+again.
 """
 
 import math
@@ -28,12 +29,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WholeRun:
-    """How far free runs are off over a recording, rms in the unit of an output.
+    """Errors of free runs over a recording, rms in the unit of an output.
 
     measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
-    device file, "refit", "after", with what was found, and "law", with a law of no name that was
-    learned, where one was. held_out: whether nothing was fitted to it. bridged (ticks,): where
-    nothing was measured, and no error is counted.
+    device file, "refit", "after", with what was found, and "law", with a learned law, if there is
+    one. held_out: whether nothing was fitted to it. bridged (ticks,): where nothing was measured,
+    and no error counts.
     """
 
     recording: str
@@ -54,7 +55,7 @@ class WholeRun:
 
     @property
     def motion(self) -> float:
-        """Rms of what was measured about its mean."""
+        """Rms of the measurement about its mean."""
         return float(self.measured[self.known].std())
 
     @property
@@ -94,10 +95,10 @@ def whole_runs(
     judge_by: Sequence[Experiment],
     law: Searched | None = None,
 ) -> tuple[WholeRun, ...]:
-    """Return the whole runs of recordings that were fitted, and of what was held out.
+    """Return the whole runs of fitted recordings, and of what was held out.
 
-    Of the rest of a recording from where its first part ends, of which no whole run is given. law:
-    what was found with a law of no name, None where none was learned.
+    Also of the rest of each recording, from where its first part ends. law: what was found with a
+    learned law, None if none was learned.
     """
     models = models_of(device, found)
     if law is not None:
@@ -122,9 +123,9 @@ def whole_runs(
 def simulated(
     model: Model, x: Floats, e: Experiment, observer: Observer, measured: bool = True
 ) -> Floats:
-    """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected.
+    """Outputs (ticks, o), as recorded, of a free run without any correction.
 
-    measured: whether the recording says where the run begins best; else as its first samples say.
+    measured: whether the recording gives the best initial state; otherwise the first samples do.
     """
     device = model.acting(x)
     seen = model.seen(e, x)
@@ -142,7 +143,7 @@ def simulated(
 
 
 def recorded(e: Experiment, taken: Floats) -> Floats:
-    """Return outputs (ticks, o), as a recording was taken, as it was recorded."""
+    """Return outputs (ticks, o), converted back to the form of the recording."""
     found = taken.copy()
     for o, output in enumerate(e.outputs):
         if (a := e.differenced.get(output)) is not None:

@@ -26,7 +26,7 @@ UNNAMED = "something is missing that has no name in the library"
 
 
 def place_in_words(at: Place, masses: int) -> str:
-    """Return where something is, for who sees the machine: "at the motor", "in the command"."""
+    """Return where something is, in the terms of the machine: "at the motor", "in the command"."""
     match at.kind:
         case "mass":
             return f"at {mass_in_words(at.index, masses)}"
@@ -57,7 +57,7 @@ def said(value: Estimate) -> str:
 
 @dataclass(frozen=True)
 class _Said:
-    """A value in a saying: {name} with its interval, {name:...} as named here."""
+    """A phrase with a value: {name} with its interval, {name:...} as named here."""
 
     value: Estimate
 
@@ -120,7 +120,7 @@ PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_lim
 
 
 def times_in_words(at: float, between: tuple[float, float]) -> tuple[str, str, str]:
-    """Return a time [s] and its interval to the digits that are known, without the unit."""
+    """Return a time [s] and its interval, to the digits that are known, without the unit."""
     half = max(0.5 * (between[1] - between[0]), 1e-4)
     digits = max(0, min(4, -math.floor(math.log10(half))))
     first, *ends = (f"{t:.{digits}f}" for t in (at, *between))
@@ -138,7 +138,7 @@ def _at(effect: str, at: str, masses: int) -> str:
 
 
 def in_words(f: Finding, masses: int) -> str:
-    """Return what was found with its size and its place."""
+    """Return a finding with its size and its place."""
     values: dict[str, object] = {name: _Said(e) for name, e in f.parameters.items()}
     if {"stiffness", "mass"} <= f.parameters.keys():
         stiffness, mass = (f.parameters[name].value for name in ("stiffness", "mass"))
@@ -155,19 +155,19 @@ def in_words(f: Finding, masses: int) -> str:
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words in a row; of more than `LISTED` the others are counted."""
+    """Return words as a list; of more than `LISTED` the others are counted."""
     more = len(words) - LISTED
     words = [*words[:LISTED], f"{more} more"] if more > 0 else list(words)
     return f" {last} ".join([*filter(None, [", ".join(words[:-1])]), *words[-1:]])
 
 
 def all_in_words(findings: Sequence[Finding], masses: int) -> str:
-    """Return what was found in a row, the strongest first."""
+    """Return findings as a list, the strongest first."""
     return listed([in_words(f, masses).rstrip(",") for f in findings])
 
 
 def worth_in_words(f: Finding) -> str:
-    """Return what a finding is worth on held-out data, "" where that is not known."""
+    """Return the worth of a finding on held-out data, "" if it is unknown."""
     w = f.worth
     if w is None:
         return ""
@@ -179,7 +179,7 @@ def worth_in_words(f: Finding) -> str:
 
 
 def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
-    """Return what was seen and is of no consequence as a sentence, "" for nothing."""
+    """Return what was detected but is negligible as a sentence, "" for nothing."""
     if not findings:
         return ""
     return f"detected, but too small to matter: {all_in_words(findings, masses)}"
@@ -234,7 +234,7 @@ def _headline(f: Facts, because: Reason) -> str:
 
 
 def _rivals(f: Facts, names: str) -> str:
-    """What stands first, and what this recording cannot tell it from."""
+    """The first effect, and those that this recording cannot distinguish from it."""
     confused = next(one for one in f.findings if one.confusable_with)
     others = listed([_at(r.effect, r.at, f.masses) for r in confused.confusable_with], "or")
     if len(f.findings) == 1:
@@ -246,7 +246,7 @@ def _rivals(f: Facts, names: str) -> str:
 
 
 def _unknown(f: Facts, because: Reason) -> str:
-    """How far the names go, and what is known of the rest."""
+    """How much the named effects explain, and what is known about the rest."""
     detailed = because is Reason.MORE and f.law is not None and bool(f.law.curve.replaced)
     gone = () if f.law is None or detailed else f.law.curve.replaced
     named = [one for one in f.findings if f"{one.effect} at {one.at}" not in gone]
@@ -280,7 +280,7 @@ def _unknown(f: Facts, because: Reason) -> str:
 
 
 def _linear(f: Facts) -> str:
-    """The parameters that differ, the furthest first."""
+    """The parameters that differ, the largest difference first."""
     moved = [
         (abs(math.log(e.value / nominal)), name, nominal, e)
         for name, (nominal, e) in f.refit.items()
@@ -304,7 +304,7 @@ def _moved(name: str, nominal: float, e: Estimate) -> str:
 
 
 def parameter_in_words(name: str, unit: str) -> str:
-    """Return a linear parameter as people call it: "the inertia m1", "the spring k12"."""
+    """Return the usual name of a linear parameter: "the inertia m1", "the spring k12"."""
     if name == "gain":
         return "the scale of the command"
     if name == "skew":
@@ -316,7 +316,7 @@ def parameter_in_words(name: str, unit: str) -> str:
 
 
 def _fault(fault: Fault) -> str:
-    """What is wrong with a recording, without what to do about it, which the report says."""
+    """What is wrong with a recording; what to do about it is said in the report."""
     if not fault.channels:
         return fault.sentence
     command = fault.channels == COMMAND
@@ -331,7 +331,7 @@ def _fault(fault: Fault) -> str:
 
 
 def why(f: Facts) -> str:
-    """Return what the verdict rests on, beside the headline; a sentence without its full stop."""
+    """Return the reason for the verdict; a sentence without its full stop."""
     because, free, doubtful = reason(f), f.free, f.doubtful
     law = "" if f.law is None else f"learned from what is left: {f.law.sentence}"
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
@@ -399,7 +399,7 @@ def _replaced(f: Facts) -> str:
 
 
 def _one_regime(f: Facts) -> str:
-    """Of a name that holds in one regime only where it does not, and what to record."""
+    """Where a named effect does not hold, if it holds in one regime only, and what to record."""
     odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
     return (
         f"{odd.effect} at {odd.at} as fitted {at.other} makes the prediction of what was"
@@ -408,7 +408,7 @@ def _one_regime(f: Facts) -> str:
 
 
 def _inadequate(sound: Adequacy) -> str:
-    """How far an answer goes that does not hold on held-out data."""
+    """How far an answer goes that held-out data do not confirm."""
     if sound.sound:
         return "the names predict held-out data no better than the refitted device without them"
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
@@ -430,8 +430,8 @@ def _inadequate(sound: Adequacy) -> str:
 def where(located: Located, masses: int) -> str:
     """Say where the refitted device and the recording differ, before anything has a name.
 
-    Of places and states whose force explains about as much as the best one's, all are said: the
-    order of such near values does not tell on which of them the force depends.
+    If several places and states have forces that explain about as much as the best one, all are
+    named, since such small differences do not show on which of them the force depends.
     """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:

@@ -1,16 +1,16 @@
 """Local descent: gradients and step lengths are evaluated side by side, each as a population.
 
-Gauss and Newton's step, damped as by Levenberg and Marquardt: with r the weighed innovations and J
-their slopes,
+The step of Gauss and Newton with the damping of Levenberg and Marquardt: with the weighted
+innovations r and their slopes J,
 
     (J'J + m diag(J'J)) d = -J'r,
 
-for several m at once, since a lane more costs little; the cheapest x is gone on from. Slopes are
-differences over a width of each parameter: what creases (friction that lets go, play that is
-crossed, a limit that is met) shows no slope over less than some hundredth of what the recording
-tells apart, and is smooth over more.
+for several m at once, since one more lane costs little; the fit continues from the x of least cost.
+Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
+is crossed, a limit that is met) the cost shows no slope over less than about a hundredth of what
+the recording can distinguish, and is smooth over more.
 
-Limits: as every descent it ends in the valley in which it began. The cost is that of `Landscape`.
+Limits: like every descent it ends in the valley in which it began. The cost is that of `Landscape`.
 """
 
 from dataclasses import dataclass
@@ -34,9 +34,9 @@ FARTHEST = 5.0  # in x, that one step goes at most
 
 @dataclass(frozen=True)
 class Descended:
-    """Where a descent ended: x, its cost, and how many rounds it made.
+    """The end of a descent: x, its cost, and how many rounds it made.
 
-    slopes: of the last round, where its step gained too little for another: they hold at x then.
+    slopes: of the last round, if its step gained too little for another round: they hold at x then.
     """
 
     x: Floats
@@ -47,9 +47,9 @@ class Descended:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Slopes (samples + priors, x) of the residual at x, and what else was asked to have them.
+    """Slopes (samples + priors, x) of the residual at x, and the other values computed for them.
 
-    beside: the x of the differences; costs: of these.
+    beside: the x at which the differences were taken; costs: at these.
     """
 
     residual: Floats
@@ -61,7 +61,8 @@ class Slopes:
 def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slopes:
     """Return residual and slopes at x, in one call for all.
 
-    both: differences to both sides, for what has creases. What no output turns on is not simulated.
+    both: differences to both sides, for models with creases. Parameters that no output depends on
+    are not simulated.
     """
     parameters = ground.model.parameters
     read = [i for i, p in enumerate(parameters) if is_read(p, ground.problem.experiments)]
@@ -92,10 +93,10 @@ def descend(
     worth: float = ENOUGH,
     first: bool = False,
 ) -> Descended:
-    """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`).
+    """Minimise from x; creased: whether the model has nonsmooth effects (`Effect.creased`).
 
-    first: whether slopes to one side do, as where another descent follows. Four recordings of the
-    account lost no name by it, and 10 to 13 % of their simulations.
+    first: whether one-sided slopes suffice, as when another descent follows. On four recordings of
+    the account this lost no effect, and saved 10 to 13 % of their simulations.
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
@@ -134,7 +135,7 @@ def descend(
 
 
 def fit(problem: Problem, model: Model, x: Floats | None = None, rounds: int = 12) -> Fitted:
-    """Return the best fit of a model from a start (None: where all x are zero), with its slopes."""
+    """Return the best fit of a model from a start (None: all x are zero), with its slopes."""
     ended = descended(problem, model, np.zeros(len(model.parameters)) if x is None else x, rounds)
     if creased(model) or ended.slopes is None:
         return fitted_at(problem, model, ended.x)
@@ -144,12 +145,12 @@ def fit(problem: Problem, model: Model, x: Floats | None = None, rounds: int = 1
 
 
 def ground_of(problem: Problem, model: Model) -> Landscape:
-    """Return what a model costs over x under the observer of a problem, in its substeps."""
+    """Return the cost of a model over x with the observer and the substeps of a problem."""
     return Landscape(problem.experiments, problem.observer, model, problem.fineness)
 
 
 def descended(problem: Problem, model: Model, x: Floats, rounds: int) -> Descended:
-    """Return where a fit of a model ends, and at what cost; slopes are to one side."""
+    """Return where a fit of a model ends, and its cost; slopes are one-sided."""
     return descend(ground_of(problem, model), x, rounds, creased(model), first=True)
 
 
@@ -166,12 +167,12 @@ def _fitted(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> F
 
 
 def creased(model: Model) -> bool:
-    """Whether what a model predicts is no smooth function of its parameters."""
+    """Whether a model's prediction is a nonsmooth function of its parameters."""
     return any(p.effect.creased for p in model.effects)
 
 
 def slopes_where_it_stands(ground: Landscape, x: Floats) -> Slopes:
-    """Return residual and slopes of what was fitted to its end.
+    """Return residual and slopes of a finished fit.
 
     With creases they are differences over half a standard error to both sides.
     """
@@ -184,7 +185,7 @@ def slopes_where_it_stands(ground: Landscape, x: Floats) -> Slopes:
 
 
 def _widths(slopes: Floats, residual: Floats) -> Floats:
-    """Widths by what the recording tells of each parameter alone."""
+    """Widths by the uncertainty of each parameter alone."""
     size = float(residual @ residual) / residual.size
     own = np.sqrt(size / np.maximum(np.sum(slopes**2, axis=0), 1e-200))
     return np.clip(SHARE * own, 1e-3, CREASED)

@@ -1,21 +1,22 @@
 """Evolutionary search for distant starting points: generations of models, no gradients.
 
-A model that sticks, rattles or saturates has a cost of creases: differences of 1e-4 point nowhere,
-and a refit without the physics has bent the linear parameters so far that no path downhill leads
-back. What arrives is a population whose covariance learns the valley (CMA-ES: Hansen & Ostermeier,
-Evolutionary Computation 9(2), 2001), every generation one call of the lanes.
+A model that sticks, rattles or saturates has a cost with creases. Differences of 1e-4 point in no
+useful direction, and a refit without the physics has moved the linear parameters so far that no
+path downhill leads back. A population whose covariance adapts to the valley gets there (CMA-ES:
+Hansen & Ostermeier, Evolutionary Computation 9(2), 2001); every generation is one call of the
+lanes.
 
-How far ahead the cost looks decides what it can see. Under an observer faster than the truth's own,
-the physics passes for disturbance and the truth may cost more than a model without it; under one
-far slower, motion that rattles scatters beyond telling. Near the right one the valley is wide, but
-which that is the truth alone would say: so each ratio of a ladder has a population of its own, on a
-stretch of the recordings, and what arrives is judged under its own likeliest noise.
+How far ahead the cost looks decides what it can see. Under an observer faster than the right one,
+the physics passes for a disturbance, and the truth may cost more than a model without it. Under a
+far slower one, motion that rattles diverges. Near the right one the valley is wide, but only the
+truth would tell which one that is. So each ratio of a ladder has a population of its own, on a
+stretch of the recordings, and the results are judged under the noise that is likeliest for each.
 
-Seen on two masses with play of 0.01 rad beside friction (500 Hz, 7000 ticks, the refit's valley at
-a gap of 0.0080 and a spring of 30 for 40 N m/rad): 32 members from there and from the device file,
-120 generations on 3000 ticks under the truth's own ratio, arrive at gaps of 0.01003 and 0.01001 and
-springs of 39.8 and 40.9; under ten times as much, and under a tenth, at 0.0087 and 0.0080. A
-population that walks through all of these ratios in turn leaves the valley again.
+Example: two masses with play of 0.01 rad and friction (500 Hz, 7000 ticks; the refit's valley has a
+gap of 0.0080 and a spring of 30 instead of 40 N m/rad). 32 members that start there and at the
+device file, with 120 generations on 3000 ticks under the right ratio, arrive at gaps of 0.01003 and
+0.01001 and springs of 39.8 and 40.9. Under ten times that ratio, or a tenth, they arrive at 0.0087
+and 0.0080. A population that goes through all of these ratios in turn leaves the valley again.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,10 +39,10 @@ RUNAWAY = 1e12  # cost of a member that runs away: worse than any that does not
 
 @dataclass(frozen=True)
 class Generations:
-    """How long a population is let run.
+    """How long a population runs.
 
-    members a generation (of each start), generations; spread: standard deviation of the first
-    generation, in x, of which one is a device file's own uncertainty.
+    members per generation (from each start), generations; spread: standard deviation of the first
+    generation, in x, where one is the device file's own uncertainty.
     """
 
     members: int = 32
@@ -52,7 +53,7 @@ class Generations:
 
 @dataclass(frozen=True)
 class Arrived:
-    """Where a population ended: x, its cost under its observer, the predictions it took."""
+    """The end of a population: x, its cost with its observer, and how many predictions it took."""
 
     x: Floats
     cost: float
@@ -66,10 +67,10 @@ def evolve(
     ratio: float,
     plan: Generations = Generations(),
 ) -> list[Arrived]:
-    """Let a population grow from each start, side by side; return where they ended, best first.
+    """Run a population from each start, side by side; return where they ended, best first.
 
-    ratio: the observer's, made for the first of the starts that can be followed. Nothing where
-    none follows the model.
+    ratio: of the observer, which is made for the first start that can be followed. Empty if none
+    can.
     """
     inside = [model.within(x) for x in starts]
     ground = _ground(experiments, model, inside, ratio)
@@ -120,7 +121,7 @@ def _own_stream(seed: int) -> Callable[..., Floats]:
 
 
 def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
-    """The cost at each x, and beyond a bound that at the bound and of the way there."""
+    """The cost at each x; beyond a bound, the cost there plus a penalty for the distance."""
     inside = [ground.model.within(x) for x in free]
     beyond = np.array([float(np.sum((a - b) ** 2)) for a, b in zip(free, inside, strict=True)])
     return np.nan_to_num(ground.costs(inside), nan=RUNAWAY, posinf=RUNAWAY) + WALL * beyond
@@ -129,7 +130,7 @@ def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
 def _ground(
     experiments: Sequence[Experiment], model: Model, xs: Sequence[Floats], ratio: float
 ) -> Landscape | None:
-    """The landscape under an observer made for the first x for which there is one."""
+    """The landscape with an observer made for the first x that has one."""
     for x in xs:
         try:
             there = prepared_for(experiments, model, x, blind(ratio))

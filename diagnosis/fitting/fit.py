@@ -1,7 +1,7 @@
 """Fits a model to recordings under one fixed observer.
 
-chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, gain of the observer and deviations s fixed.
-What goes downhill in it is `fitting.descend`.
+chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, with fixed gain of the observer and fixed
+deviations s. `fitting.descend` minimises it.
 """
 
 from collections.abc import Sequence
@@ -37,12 +37,12 @@ class Fitted:
 
 
 def _bounded(values: Floats) -> Floats:
-    """What overflowed, at the worst there is."""
+    """Replaces an overflow by the worst value."""
     return np.clip(np.nan_to_num(values, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
 class Problem:
-    """Experiments under one observer, predicted with so many substeps."""
+    """Experiments with one observer, predicted with a given number of substeps."""
 
     def __init__(
         self,
@@ -53,9 +53,9 @@ class Problem:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
 
     def weighted(self, model: Model, x: Floats) -> Floats:
-        """Return the weighted innovations of all experiments, one after the other.
+        """Return the weighted innovations of all experiments, in order.
 
-        `WORST` where the model runs away, or moves too fast to be followed.
+        `WORST` if the model runs away, or moves too fast to be followed.
         """
         return self.weighted_each(model, [x])[0]
 
@@ -70,7 +70,7 @@ class Problem:
 
     @property
     def samples(self) -> int:
-        """Number of weighted innovations, with those of bridged samples, which are zero."""
+        """Number of weighted innovations, including those of bridged samples, which are zero."""
         return sum((e.ticks - SETTLING) * len(e.outputs) for e in self.experiments)
 
     def residual(self, model: Model, x: Floats) -> Floats:
@@ -79,6 +79,6 @@ class Problem:
         return np.concatenate([self.weighted(model, x), prior])
 
     def cost(self, fitted: Fitted) -> float:
-        """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
+        """Return -2 log likelihood of the innovations, at their own deviations, plus the priors."""
         prior = fitted.residual[fitted.samples :]
         return self.observer.cost(fitted.white) + float(prior @ prior)

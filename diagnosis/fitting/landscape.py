@@ -2,9 +2,9 @@
 
     cost(x) = n ln det S_0 + n ln det S(x) + sum of prior x^2,    S(x) = sum w w' / n,
 
-w the weighed innovations of all recordings, S_0 what weighing divides by: -2 log likelihood with
-the covariance of what is left concentrated out (`Observer.cost`). The kernel adds w w' up as the
-innovations pass, so nothing of the length of a recording is kept.
+w are the weighted innovations of all recordings, and S_0 is what the weighting divides by. This is
+-2 log likelihood, minimised over the covariance of the innovations (`Observer.cost`). The kernel
+sums w w' while it runs, so that no array of the length of a recording is kept.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 class Landscape:
     """A model's cost over x.
 
-    Counts what it was asked, in `asked`: predictions of all recordings.
+    `asked` counts the predictions of all recordings.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Landscape:
         return found + np.sum(np.stack(xs)[:, self.priors] ** 2, axis=1)
 
     def residuals(self, xs: Sequence[Floats]) -> list[Floats]:
-        """Return weighed innovations, then priors, at each x."""
+        """Return weighted innovations, then priors, at each x."""
         self.asked += len(xs)
         weighed = self.problem.weighted_each(self.model, xs)
         return [np.concatenate([w, x[self.priors]]) for w, x in zip(weighed, xs, strict=True)]

@@ -1,8 +1,8 @@
 """Innovations of one model on a recording, at many parameter vectors x side by side.
 
-A fit asks for its slopes, a population for its costs: the same structure with other numbers, which
-the lanes of the kernel run together (`sim/population.py`). Members that have lost an effect (an
-extra mass of nothing) or take other substeps are of another kind, and run with their own.
+A fit needs slopes, a population costs: predictions of one structure with other numbers, which the
+lanes of the kernel compute together (`sim/population.py`). Members that have lost an effect (an
+extra mass of zero) or need another number of substeps are run as a group of their own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,9 +34,9 @@ BEGINNING = 32  # samples that say where a run begins
 
 
 class Many:
-    """A model at several x: prepared once, to follow one recording after the other.
+    """A model at several x: prepared once, then run on several recordings.
 
-    A member that moves too fast to be followed has infinite innovations. Raises ValueError as
+    A member that moves too fast to be followed has infinite innovations. Raises ValueError like
     `Model.acting`.
     """
 
@@ -56,7 +56,7 @@ class Many:
         return self._kinds[key]
 
     def _everyone(self, xs: Floats, shares: Shares) -> Members:
-        """The members where such shares of what varies hold."""
+        """The members for given shares of the changes."""
         if shares not in self._members:
             self._members[shares] = self.model.members(xs)
             self._members[shares].check()
@@ -79,7 +79,7 @@ class Many:
     def innovations(self, experiment: Experiment, gain: Gain) -> Floats:
         """Return innovations (x, ticks, o) under an observer's gain (states, o).
 
-        experiment.start: of all, or (x, 2n) where each begins with its own.
+        experiment.start: of all members, or (x, 2n) if each has its own.
         """
         found = np.full((self.size, *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
@@ -91,7 +91,7 @@ class Many:
     def moments(self, experiment: Experiment, gain: Gain, filters: Floats, skip: int) -> Floats:
         """Return the sums of w w' (x, o, o), w the filtered innovations after the first `skip`.
 
-        Infinite where a member cannot be followed; nothing of the recording's length is kept.
+        Infinite if a member cannot be followed. No array of the recording's length is kept.
         """
         o = len(experiment.outputs)
         found = np.full((self.size, o, o), np.inf)
@@ -144,7 +144,7 @@ class Many:
 
 
 class _Kind(NamedTuple):
-    """Members with the same states and substeps: which, ready to follow, and the first of them."""
+    """Members with the same states and substeps: which, prepared, and the first of them."""
 
     which: NDArray[np.int64]
     population: Population

@@ -17,10 +17,11 @@ Z95 = 1.959963984540054
 
 
 def standard_errors(fitted: Fitted) -> Floats:
-    """Return the standard errors of x, (p,): of all but the command's scale as if it were known.
+    """Return the standard errors of x, (p,), of all but the command's scale, which counts as known.
 
-    Motion cannot tell that scale from masses, springs, dampers and forces all at once, so where it
-    is free its own uncertainty would stand in every other interval. It has its own.
+    Motion does not distinguish that scale from masses, springs, dampers and forces together. If it
+    is free, its uncertainty would be part of every other interval; so it has an interval of its
+    own.
     """
     errors = np.sqrt(np.diag(covariance(fitted)))
     others = np.array([p.kind != "gain" for p in fitted.model.parameters])
@@ -35,23 +36,25 @@ def standard_errors(fitted: Fitted) -> Floats:
 def covariance(fitted: Fitted) -> Floats:
     """Return the covariance of x, (p, p), all of it free, that holds for a coloured residual.
 
-    With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
-    transforming the rows of A (a circulant approximation, good for rows much longer than the
-    residual's memory). That takes a residual to be as large at all times; where friction holds a
-    mass it is none, and larger elsewhere. So no variance is less than what A r adds up to sample by
-    sample (`_as_it_came`): with it intervals of a friction that sticks for a quarter of the time
-    hold the truth on 52 of 60 benches, without on 47. A parameter that moves nothing (the level of
-    a friction that never lets go) has an infinite variance.
+    With A = (J'J)^-1 J', the error of x is A r, so cov = A cov(r) A'. cov(r) comes from the
+    residual's spectrum by transforming the rows of A (a circulant approximation, good for rows much
+    longer than the residual's memory). This takes the residual to be equally large at all times,
+    but where friction holds a mass it is zero, and larger elsewhere. So no variance is less than
+    the sum of A r sample by sample (`_as_it_came`). With this bound, intervals of a friction that
+    sticks for a quarter of the time contain the truth on 52 of 60 benches, without it on 47. A
+    parameter that moves nothing (the level of a friction that never lets go) has an infinite
+    variance.
     """
     return _covariance(fitted, fitted.jacobian)
 
 
 def covariance_beside(fitted: Fitted, gauges: Sequence[int]) -> Floats:
-    """Return `covariance` (p, p) beside parameters (places in x) that are as they were fitted.
+    """Return `covariance` (p, p) with some parameters (indices in x) fixed as fitted.
 
-    Which is a convention, and no knowledge: of a law over the command the scale of command, masses
-    and all forces, since twice of all is the same motion; of one over velocity the damper, which
-    its straight part is as well, and the origin of positions, which its constant is.
+    This is a convention and no knowledge. A law over the command can be exchanged against the scale
+    of the command, masses and all forces, since twice of all gives the same motion. A law over
+    velocity can be exchanged against the damper (its straight part) and the origin of positions
+    (its constant).
     """
     others = ~np.isin(np.arange(fitted.x.size), gauges)
     found = np.zeros((fitted.x.size, fitted.x.size))
@@ -60,7 +63,7 @@ def covariance_beside(fitted: Fitted, gauges: Sequence[int]) -> Floats:
 
 
 def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
-    """Return `covariance` of those parameters whose slopes are given."""
+    """Return `covariance` of the parameters whose slopes are given."""
     rows = np.linalg.pinv(jacobian)
     white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
     power = _smooth_spectrum(fitted.white)
@@ -78,10 +81,11 @@ def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
 
 
 def _as_it_came(shares: Floats) -> Floats:
-    """Return the variances (p,) of sums of what each sample adds, (p, samples).
+    """Return the variances (p,) of sums of the contributions of samples, (p, samples).
 
-    Products of neighbours count as much less as they are apart (Newey & West, Econometrica 55,
-    1987), so that what errs together at one turn of a mass does not count as many.
+    Products of neighbours have less weight the further they are apart (Newey & West, Econometrica
+    55, 1987), so that errors with a common cause at one reversal of a mass do not count as
+    independent.
     """
     found = np.sum(shares**2, axis=1)
     for lag in range(1, EVENT + 1):
@@ -91,18 +95,18 @@ def _as_it_came(shares: Floats) -> Floats:
 
 
 def _smooth_spectrum(white: Floats) -> Floats:
-    """Power spectrum of the residual, one where white with unit variance, over coarse bands."""
+    """Power spectrum of the residual over coarse bands; one if white with unit variance."""
     frequency, power = welch(white, nperseg=min(256, white.size))
     power[0] = power[1]
     return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
 
 
 def inflation(white: Floats) -> float:
-    """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
+    """How much coloured noise may raise a chi-square gain: the maximum of the residual's spectrum.
 
-    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments); their maximum is
-    about 2.2 errors above the mean where the residual is white: that much is taken off. Never less
-    than one.
+    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments). Their maximum is
+    about 2.2 errors above the mean if the residual is white, and this much is subtracted. Never
+    less than one.
     """
     _, power = welch(white, nperseg=min(BAND, white.size))
     chance = 1.0 + 2.2 * float(np.sqrt(BAND / white.size))
@@ -110,13 +114,13 @@ def inflation(white: Floats) -> float:
 
 
 def shared(rows: Floats, segment: int) -> float:
-    """Return how many samples tell together as much as an independent one, at least 1.
+    """Return how many samples contain as much information as one independent one, at least 1.
 
-    rows (samples, o): errors that share most of the chance that made them with their neighbours. A
-    sum over n of them, times anything that changes as slowly as they do, scatters as one over n /
-    tau independent ones would: tau is their spectrum where it is largest, over its mean. segment:
-    of the spectrum, in samples, some times as long as they depend on each other. The largest of
-    white ones is about 2.2 relative errors above the mean, which is taken off.
+    rows (samples, o): errors that have most of their causes in common with their neighbours. A sum
+    over n of them, times anything that changes as slowly as they do, scatters like a sum of n / tau
+    independent ones, where tau is the maximum of their spectrum over its mean. segment: of the
+    spectrum, in samples, several times as long as the dependence. The maximum for white errors is
+    about 2.2 relative errors above the mean, which is subtracted.
     """
     segment = min(segment, rows.shape[0])
     _, power = welch(rows, fs=1.0, nperseg=segment, detrend=False, axis=0)

@@ -4,16 +4,16 @@ A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / per
 
     1, velocity, acceleration of a mass, or deflection and its rate of a link,
 
-s time or the position of m1. With g = F' r (`forces.spatial`) the chi-square that such a force
-would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n the mean of
-|G|^2 over `DRAWS` drawn residuals: with the residual's own smoothed spectrum and envelope, since
-noise is never quite white near a resonance and, where samples come at uneven times, is larger where
-motion is fast; for q = 1, where a hum is a line of that very spectrum, white ones and the lines
-around, many and few: an antiresonance is narrow. The best of all lines of all families is held
-against what the best of as many lines of white noise exceeds once in `odds` recordings. Slow
-warming is a line of low frequency.
-What a refit absorbs is taken off the residual and off the noise: a damper that sways once over all
-travel is nearly a damper. Limits: q is what the observer predicts.
+s is time or the position of m1. With g = F' r (`forces.spatial`), such a force would gain a
+chi-square of 2 |G|^2 / n, where G is the spectrum of g q over s: one FFT gives all periods. n is
+the mean of |G|^2 over `DRAWS` residuals drawn at random with the residual's own smoothed spectrum
+and envelope, because noise is never quite white near a resonance and, with irregular sampling, is
+larger where motion is fast. For q = 1, where a hum is a line of that very spectrum, n comes from
+white residuals and from the lines around, over wide and narrow neighbourhoods, since an
+antiresonance is narrow. The best line of all families is compared with the value that the best of
+as many lines of white noise exceeds once in `odds` recordings. Slow warming is a line of low
+frequency. What a refit absorbs is removed from the residual and from the noise: a damper that
+varies once over the whole travel is nearly a damper. Limits: q is the observer's prediction.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -77,9 +77,10 @@ class Leftover:
 
 
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
-    """Return the strongest line in what a fitted model leaves.
+    """Return the strongest line in the residual of a fitted model.
 
-    Sought in innovations that are whitened coarsely: a fine filter takes a strong line for noise.
+    It is sought in coarsely whitened innovations, since a fine filter takes a strong line for
+    noise.
     """
     problem, fitted = _coarsely(problem, fitted)
     off = Complement(fitted.jacobian)
@@ -115,7 +116,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
 
 
 def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
-    """Problem and fit under filters that no line can be seen by."""
+    """Problem and fit with filters that hide no line."""
     if problem.observer.whitening is None:
         return problem, fitted
     device = fitted.model.acting(fitted.x)
@@ -127,9 +128,9 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
 
 @dataclass(frozen=True)
 class Family:
-    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, of many periods.
+    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, for many periods.
 
-    factor: q at every tick of every recording; bins: of s where it is no time, None else; kept:
+    factor: q at every tick of every recording; bins: of s if it is not time, None otherwise; kept:
     which lines of the spectrum; periods: of those.
     """
 
@@ -143,7 +144,7 @@ class Family:
 
     @property
     def hums(self) -> bool:
-        """Whether the force comes and goes with time alone."""
+        """Whether the force varies with time alone."""
         return self.follows == "1" and self.over == "time"
 
     def power(self, pulls: list[Floats]) -> Floats:
@@ -158,9 +159,9 @@ class Family:
 
 
 def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iterator[Family]:
-    """Every family; of forces that repeat over position alone those beside a ripple at m1.
+    """Every family; of forces periodic in position alone, those beside a ripple at m1.
 
-    The library has one ripple and springs: what is sought here are the harmonics of another shape.
+    The library has one ripple and springs. Here harmonics of another shape are sought.
     """
     n = states[0].shape[1] // 2
     places = map(str, masses_and_links(n))
@@ -225,7 +226,7 @@ def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
-    """The fit with noise of the residual's own envelope and colour: smoothed, phases drawn."""
+    """The fit with noise of the residual's own envelope and smoothed spectrum, random phases."""
     envelope = np.sqrt(uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect"))
     envelope[envelope == 0.0] = 1.0
     waves = np.fft.rfft(fitted.white / envelope)
@@ -237,7 +238,7 @@ def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
-    """Chi-square of the lines. alone: only of those that stand out of the band around them."""
+    """Chi-square of the lines. alone: only of those above the band around them."""
     over = power / np.where(level > 0.0, level, np.inf)
     if not alone or not over.size:
         return 2.0 * over

@@ -1,12 +1,12 @@
 """Where simulation and recording differ: in time, frequency, state, and at which entry point.
 
-Shares are of the residual's excess energy, the part that the noise model does not expect: energy
-above one per whitened sample, so that a clean recording has nothing to locate.
+Shares are of the residual's excess energy, which the noise model does not expect: energy above one
+per whitened sample, so that a recording with nothing missing has nothing to locate.
 
-The entry point: forces of unknown shape at a place (m1, m2, m3, each link, or through the command)
-are let in as a constant in each of `BINS` bins of position, of velocity and of command. Each such
-force has a signature in the innovations; regressing the residual on the signatures, off the span of
-the refit, gives the map of the missing force and the chi-square that any force there could gain.
+A force of unknown shape is added at a place (m1, m2, m3, each link, or through the command), with a
+constant in each of `BINS` bins of position, of velocity and of command. Each such force has a
+signature in the innovations. A regression of the residual on the signatures, orthogonal to the
+refit, gives the map of the missing force and the chi-square that any force there could gain.
 """
 
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ NOWHERE = Located(
 
 
 def locate(problem: Problem, fitted: Fitted) -> Located:
-    """Locate what a fitted model leaves unexplained."""
+    """Locate what a fitted model does not explain."""
     first = problem.experiments[0]
     white = fitted.white.reshape(-1, first.measured.shape[1])
     time = _time(white, first.period)
@@ -109,10 +109,10 @@ def _frequency(white: Floats, period: float) -> list[Share]:
 
 
 def motions(problem: Problem, fitted: Fitted) -> list[tuple[Floats, Floats]]:
-    """Return position and velocity of the first output's mass, of every recording, as predicted.
+    """Return the predicted position and velocity of the first output's mass, of every recording.
 
-    From what the observer expected before each sample, over the last five of them: a motion taken
-    from the samples themselves holds their noise, and the residual would follow it by itself.
+    The motion that the observer predicted before each sample, over the last five of them. A motion
+    taken from the samples themselves contains their noise, which the residual would follow.
     """
     found: list[tuple[Floats, Floats]] = []
     last = np.full(5, 0.2)
@@ -201,7 +201,7 @@ def state_of(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats
 
 
 def _entry(maps: Sequence[ForceMap]) -> list[Share]:
-    """Share of the explicable chi-square by place: the best map of each place."""
+    """Share of the explainable chi-square by place: the best map of each place."""
     places = list(dict.fromkeys(m.place for m in maps))
     best = np.array([max(m.gained for m in maps if m.place == p) for p in places])
     shares = _shares(best - BINS)
@@ -222,7 +222,7 @@ def stands_out(top: ForceMap) -> bool:
 
 
 def densest(state: Sequence[Share]) -> str:
-    """Say where in the motion the excess lies, "" where that is everywhere."""
+    """Say where in the motion the excess is, "" if it is everywhere."""
     told = [
         s for s in state
         if s["name"] != "elsewhere" and s["share"] >= max(TELLING, DENSER * s["time_share"])

@@ -1,16 +1,16 @@
-"""Is a named effect really something similar that the library lacks? Fitted to convergence.
+"""Is a named effect really something similar that the library lacks? Tested by complete fits.
 
-A drag that carries much of the motion turns it over, and so does a stop; a force added to the
-recording does not follow it there (`forces.unknown`). So what was named is exchanged for a law
-of no library, simulated and fitted like any effect, observer and all:
+A drag that carries much of the motion changes it completely, and so does a stop; a force added to
+the recording does not follow such a change (`forces.unknown`). So a named effect is replaced by a
+law of no library, which is simulated and fitted like any effect:
 
     quadratic_drag, alone or with any one other effect      a drag whose power is free
     what follows position at m1, each alone and all of it   a spring met on one side only
     force_ripple, alone, with any one other and with all    a force of four harmonics
 
-Likelier by `rather`, its unknowns paid, it is physics of no library: a cube passes for a square
-and some friction, a stop for a spring that stiffens and some gravity, a magnet's detent for a
-ripple and an eccentric encoder.
+If that is likelier (`rather`), after the penalty for its unknowns, it is physics of no library. For
+example, a cubic drag resembles a quadratic one and some friction, a stop resembles a spring that
+stiffens and some gravity, a magnet's detent resembles a ripple and an eccentric encoder.
 """
 
 import math
@@ -55,7 +55,7 @@ DEPTH = 1e-4  # of the travel, that a stop must be pressed by
 
 @dataclass(frozen=True)
 class Probe:
-    """A law of no library in the place of some effects of a model (their places in it)."""
+    """A law of no library in place of some effects of a model (their indices in it)."""
 
     gone: tuple[int, ...]
     physics: Physics
@@ -64,7 +64,7 @@ class Probe:
 
 
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
-    """Return the law of no library that is likelier than what was named, the likeliest of them."""
+    """Return the likeliest law of no library, if it is likelier than the named effects."""
     probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
     if not probes:
         return None
@@ -147,7 +147,7 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
 
 
 def repeating(final: Fitted) -> Iterator[Probe]:
-    """From each ripple that was found, where it is, taken for one harmonic after the other."""
+    """Starts at each ripple that was found, taken for one harmonic after the other."""
     built = {place_label(p): p for p in final.model.build(final.x).physics}
     for ripple, named in enumerate(final.model.effects):
         if named.effect is force_ripple:
@@ -170,7 +170,7 @@ def _harmonics(final: Fitted, ripple: int, found: Physics) -> Iterator[Probe]:
 
 
 def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:
-    """Model and start with the law in the place of the effects."""
+    """Model and start with the law in place of the effects."""
     model, x = final.model.less(final.x, *probe.gone)
     model = model.with_effect(probe.physics, probe.scales)
     return model, np.concatenate([x, np.zeros(len(probe.scales))])

@@ -1,17 +1,17 @@
 """Forces periodic in position or command: their period, by a spectrum over that quantity.
 
-A force f_k (or an error of the sensor s_k) moves the weighted innovations r by F f, F the linear
-response of observer and device. So with g = F' r, <r, F f> = <g, f>, and for a wave f = a cos(2 pi
-q_k / period + phase) over a quantity q the chi-square gained is 2 |G|^2 / n with
+A force f_k (or an error of the sensor s_k) changes the weighted innovations r by F f, where F is
+the linear response of observer and device. So with g = F' r, <r, F f> = <g, f>, and a wave f = a
+cos(2 pi q_k / period + phase) over a quantity q gains a chi-square of 2 |G|^2 / n with
 
     G(1 / period) = sum g_k exp(-2 pi i q_k / period),    n = |F exp(2 pi i q / period)|^2.
 
-Under white r the expectation of |G|^2 is n, so the mean spectrum of drawn white noise tells n (that
-of r itself would hold what is sought, whose line is broad where q is visited unevenly). All periods
-at once by one FFT over bins of q: it finds lattices of steps and waves that no list of starting
-values would meet. An observer begins with what the sensor says, and a slow one would take a wave
-that sets in at once for a jump: g sets in over `ONSET` ticks. Limits: what a refit absorbs is not
-taken off (it has long periods), and r must be nearly white.
+For white r the expectation of |G|^2 is n, so the mean spectrum of drawn white noise gives n (the
+spectrum of r itself would contain the wave that is sought, whose line is broad if q is visited
+unevenly). One FFT over bins of q gives all periods at once, and finds lattices of steps and waves
+that no list of starting values would contain. An observer starts with the sensor's reading, and a
+slow one would take a wave that starts suddenly for a jump; so g is faded in over `ONSET` ticks.
+Limits: what a refit absorbs is not removed (it has long periods), and r must be nearly white.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 @dataclass(frozen=True)
 class Peak:
-    """A wave over a quantity: period, and the chi-square that it would gain, about.
+    """A wave over a quantity: period, and approximately the chi-square that it would gain.
 
     turned: by how much its phase in each group of recordings differs from that in the first.
     """
@@ -55,8 +55,8 @@ class Peak:
 def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> Floats:
     """Return the weighted innovations (ticks, o) after a unit at a place.
 
-    In a link it pushes the first mass, and the second the other way; in "sensor" it is in the
-    reading of an output. The response is that of the device without its nonlinear physics.
+    In a link it pushes the first mass one way and the second the other; in "sensor" it is added to
+    the reading of an output. The response is that of the device without its nonlinear physics.
     """
     device = fitted.model.acting(fitted.x)
     device = device.bare()
@@ -89,7 +89,7 @@ class Pull(NamedTuple):
 
 
 def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
-    """Return g of every experiment for what enters at a place, and that of white noise."""
+    """Return g of every experiment for a unit input at a place, and that of white noise."""
     random = np.random.default_rng(SEED)
     size = fitted.residual.size
     noise = [replace(fitted, residual=random.standard_normal(size)) for _ in range(DRAWS)]
@@ -104,7 +104,7 @@ def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
 
 
 def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
-    """Return g (ticks,) of every experiment for what enters at a place, as in `response`."""
+    """Return g (ticks,) of every experiment for a unit input at a place, as in `response`."""
     answer = response(problem, fitted, place)
     found: list[Floats] = []
     first = 0
@@ -127,11 +127,12 @@ def peaks(
     count: int = 3,
     groups: Sequence[Sequence[int]] = (),
 ) -> tuple[list[Peak], int]:
-    """Return the strongest waves over a quantity with periods above `finest`, and lines looked at.
+    """Return the strongest waves over a quantity with periods above `finest`, and lines tried.
 
-    pulls: as `pulls` returns them; over: the quantity at every tick, as long. A wave is seen at
-    least twice. groups: places of recordings in which a wave may have a phase of its own; none for
-    one phase in all. What several gain adds up, each at its own phase.
+    pulls: as `pulls` returns them; over: the quantity at every tick, of the same length. Only
+    periods of which the travel holds two or more are tried. groups: recordings in which a wave may
+    have a phase of its own; none for one phase in all. The gains of several groups add up, each at
+    its own phase.
     """
     ends = min(float(q.min()) for q in over), max(float(q.max()) for q in over)
     each: list[Complexes] = []
@@ -154,7 +155,7 @@ def peaks(
 
 
 def _turned(each: Sequence[Complexes], line: int) -> tuple[float, ...]:
-    """Phases of a line in each spectrum less that in the first, within half a turn."""
+    """Phases of a line in each spectrum relative to the first, within half a turn."""
     return tuple(float(np.angle(waves[line] * np.conj(each[0][line]))) for waves in each)
 
 
@@ -166,14 +167,14 @@ def step_peaks(
     spread: float = 0.0,
     count: int = 3,
 ) -> tuple[list[Peak], int]:
-    """Return the likeliest steps of a quantity above `finest`, and lines looked at.
+    """Return the likeliest steps of a quantity above `finest`, and lines tried.
 
     The error of a step is a saw whose harmonics all have known size and phase, so
 
         gained = 2 sign sum c_j S_j - sum c_j^2 n_j / 2,    c_j = (-1)^j step / (pi j),
 
-    S_j the sine part of G at j / step. sign: 1 where the error is in what was recorded, -1 where it
-    is to be added to the model. spread: of what the quantity is known by, over the step.
+    S_j is the sine part of G at j / step. sign: 1 if the error is in the recording, -1 if it is to
+    be added to the model. spread: uncertainty of the quantity, over the step.
     """
     spectrum = _spectrum(pulls, over, finest / HARMONICS)
     if spectrum is None:
@@ -194,7 +195,7 @@ def _spectrum(
 ) -> tuple[NDArray[np.int64], Complexes, Floats, float] | None:
     """Lines k, G and its expected power under noise at k / (FINER span), and the span.
 
-    ends: of the span, those of the quantity itself where nothing is given.
+    ends: of the span; those of the quantity itself by default.
     """
     low, high = ends or (min(float(q.min()) for q in over), max(float(q.max()) for q in over))
     span = high - low
@@ -218,8 +219,8 @@ def _spectrum(
 def _level(power: Floats, lines: NDArray[np.int64]) -> Floats:
     """Smooth the power of noise over lines: over more of them where lines are fine.
 
-    What enters at the sensor counts for little at long periods and much at short ones, so that a
-    wide mean would hide a long wave.
+    An error at the sensor counts little at long periods and much at short ones, so that a wide mean
+    would hide a long wave.
     """
     level = power
     for width in WIDTHS:

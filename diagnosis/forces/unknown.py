@@ -1,22 +1,23 @@
-"""Unknown physics that a fast observer hides: searched with slower ones, judged by likelihood.
+"""Unknown physics that a fast observer hides: sought with slower ones, judged by likelihood.
 
-What is missing and has no name is let in as a force of free shape at one place,
+Missing physics without a name is modelled as a force of free shape at one place,
 
     f = sum over bins of a state (position, velocity, command, time) of a_i in bin i,
     f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate, or
     f = a v^3,
 
-the second a damper, mass or spring that drifts, the third what a drag by another power leaves.
-Under a slower observer, which takes no motion for disturbance, least squares
-gives the a off the refit's span; the best shapes are then added to the recording as a known force,
-and what counts is how much likelier the recording is with it, each under its own likeliest
-observer. The force is computed along the motion that the model with it predicts, from one turn to
-the next. Limits: a force that turns the motion over is not followed to its end in so few turns.
+the second form describes a damper, mass or spring that drifts, the third the remainder of a drag
+with another power. Under a slower observer, which takes no motion for a disturbance, least squares
+gives the a, orthogonal to the refit. The best shapes are then added to the recording as a known
+force. The criterion is how much likelier the recording is with the force, each under its own
+likeliest observer. The force is computed along the motion that the model with it predicts, and
+again in each round. Limits: a force that changes the motion completely is not found in so few
+rounds.
 
-A library name may fit what is of no library: a hum rings like a mode without damping, the cube of a
-velocity is nearly its square and some friction. So for each of the names, and all together, what
-repeats most and the cube of a velocity are tried in their place (`instead`); where such a force is
-likelier with no more unknowns, what was found has no name.
+A named effect may fit unknown physics: a hum resembles a mode without damping, the cube of a
+velocity resembles its square and some friction. So for each named effect, and for all together, the
+strongest repeating force and the cube of a velocity are tried in its place (`instead`). If such a
+force is likelier with no more unknowns, the finding has no name.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +63,7 @@ SLOWER = 1e-2  # of the observer's ratio
 
 @dataclass(frozen=True)
 class Shape:
-    """A force of free shape: one column an unknown, (ticks, unknowns) a recording.
+    """A force of free shape: one column for each unknown, (ticks, unknowns) per recording.
 
     ends: share (n,) of it on every mass; -1 at the far end of a link. rebuilt: the same along the
     motion that another problem and fit predict.
@@ -81,7 +82,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Gained:
-    """A shape, the strengths that explain most, and the chi-square they gain."""
+    """A shape, the strengths that explain most, and their gain in chi-square."""
 
     shape: Shape
     strength: Floats
@@ -90,7 +91,7 @@ class Gained:
 
 @dataclass(frozen=True)
 class Forced:
-    """A model fitted beside a known force, which the experiments hold: cost, observer's ratio."""
+    """A model fitted with a known force in the experiments: cost, and the observer's ratio."""
 
     cost: float
     x: Floats
@@ -100,7 +101,7 @@ class Forced:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The shape that makes the recording likeliest: -2 log likelihood gained by its unknowns."""
+    """The likeliest shape: gain in -2 log likelihood by its unknowns."""
 
     gained: float
     unknowns: int
@@ -118,7 +119,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Instead:
-    """A force of no library in the place of named effects, likelier by so much, unknowns paid."""
+    """A force of no library in place of named effects: its gain, less its penalty."""
 
     gained: float
     unknowns: int
@@ -142,8 +143,8 @@ class Instead:
 def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None:
     """Return the likeliest force of free shape beside a fitted model, on all of the recordings.
 
-    None where no slower observer holds the device. Nothing is fitted here that is kept, so that the
-    recordings may be those that the fit was held out from.
+    None if no slower observer follows the device. The result is not kept in any fit, so the
+    recordings may be held-out ones.
     """
     best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
@@ -185,7 +186,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
 
 
 def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
-    """Return place, state, and chi-square that a force in bins of it gains, its unknowns paid."""
+    """Return place, state, and chi-square gained by a force in bins of it, less the penalty."""
     every = _gains(problem, fitted)
     return [
         (g.shape.place, g.shape.follows, _surplus(g)) for g in every if g.shape.follows in STATES
@@ -193,7 +194,7 @@ def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
 
 
 def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitted]]:
-    """Yield the given observer, then a slower one that holds the device, the model refitted."""
+    """Yield the given observer, then a slower one that follows the device, the model refitted."""
     experiments = problem.experiments
     yield problem, current
     ratio = SLOWER * problem.observer.ratio
@@ -210,8 +211,8 @@ def instead(
     """Return a force of no library that explains more than some effects, with fewer unknowns.
 
     without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
-    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood,
-    under its own likeliest observer.
+    inertia that varies with position, and the strongest repeating or drifting force. Each is judged
+    by likelihood, under its own likeliest observer.
     """
     n = final.model.acting(final.x).chain.masses.size
     named = final.x.size - without.x.size
@@ -248,10 +249,11 @@ def instead(
 
 
 def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
-    """The inertia of m1 that repeats over its position and explains most, of few periods.
+    """The inertia of m1 that is periodic in its position and explains most, of few periods.
 
-    An eccentric encoder is its twin by a change of coordinates, but for command and dampers, and
-    what of it a refit does not absorb shows on other lines of the spectrum than its own.
+    An eccentric encoder is equivalent to it by a change of coordinates, except for command and
+    dampers, and the part that a refit does not absorb appears on other lines of the spectrum than
+    its own.
     """
     positions = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, fitted)])
     spacing = 0.5 / float(np.ptp(positions))
@@ -265,9 +267,9 @@ def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Left
 
 
 def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
-    """The line at the period that explains most, between its neighbours.
+    """The best period between the neighbours of a line.
 
-    A wave of few periods over the travel lies far from any line of the spectrum over it.
+    A wave of few periods over the travel is far from any line of the spectrum over it.
     """
     n = fitted.model.acting(fitted.x).chain.masses.size
 
@@ -283,7 +285,7 @@ def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Left
 
 
 def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
-    """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
+    """The strongest line as a force: its cosine and sine, times what it is proportional to."""
     states = predicted_states(problem, fitted)
     period = problem.experiments[0].period
     place = place_at(line.at)
@@ -328,7 +330,7 @@ def _if_followed(
 def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family: Family) -> Forced:
     """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
 
-    view, fitted: where the strengths were found; family: of the noise in the first turn.
+    view, fitted: where the strengths were found; family: of the noise in the first round.
     """
     found, strength, shape = np.inf, one.strength, one.shape
     ratio, model = view.observer.ratio, fitted.model
@@ -362,7 +364,7 @@ def _refuse_overflow(shape: Shape) -> None:
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
-    """Every shape, with strengths and the chi-square it gains under this observer."""
+    """Every shape, with strengths and its gain in chi-square with this observer."""
     n = fitted.model.acting(fitted.x).chain.masses.size
     off = Complement(fitted.jacobian)
     return [
@@ -374,9 +376,9 @@ def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
 def _solved(
     problem: Problem, fitted: Fitted, off: Complement, shape: Shape
 ) -> tuple[Floats, float]:
-    """Return the strengths that explain most off the refit's span, and the chi-square gained.
+    """Return the strengths that explain most beyond the refit, and the chi-square gained.
 
-    None of it where the model answers a force by an overflow.
+    None of it if the model answers the force with an overflow.
     """
     left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
     if not np.isfinite(matrix).all():
@@ -392,7 +394,7 @@ def _solved(
 
 
 def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape) -> Floats:
-    """Off the refit's span, one column an unknown."""
+    """Orthogonal to the refit, one column for each unknown."""
     answer = _answer(problem, fitted, shape)
     return np.column_stack(
         [
@@ -403,7 +405,7 @@ def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape)
 
 
 def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
-    """What the model's parameters change by beside the force, to first order."""
+    """The change of the model's parameters with the force, to first order."""
     whole = [c @ one.strength for c in one.shape.columns]
     signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
     way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
@@ -422,7 +424,7 @@ def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
 def _signature(
     fitted: Fitted, answer: Floats, forces: Sequence[Floats | NDArray[np.bool_]]
 ) -> Floats:
-    """What a force, (ticks,) a recording, adds to the residual."""
+    """The contribution of a force, (ticks,) per recording, to the residual."""
     parts = [fftconvolve(f[:, None], answer, axes=0)[SETTLING : f.size].ravel() for f in forces]
     joined = np.concatenate(parts)
     return np.concatenate([joined, np.zeros(fitted.residual.size - joined.size)])
@@ -462,7 +464,7 @@ def _same(place: str, follows: str, n: int) -> Callable[[Problem, Fitted], Shape
 
 
 def _settled(q: Floats) -> Floats:
-    """The same without a spike where the observer settles."""
+    """The same without a spike while the observer settles."""
     return np.where(np.arange(q.size) < SETTLING + 5, 0.0, q)
 
 

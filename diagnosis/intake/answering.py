@@ -1,21 +1,22 @@
 """Regression of the motion of a roughly known device on its command.
 
-One step ahead the prediction of a linear device is linear in its command. With a scale s of the
-command, n samples by which it acts earlier than it is written down, and d the shares by which
-masses, springs and dampers are off,
+One step ahead, the prediction of a linear device is linear in its command. Let s be a scale of the
+command, n the number of samples by which it acts earlier than recorded, and d the relative errors
+of masses, springs and dampers. Then
 
     e(s, n, d) = y + s u_n + sum_i d_i (y_i' + s u_in'),
 
-y the innovations of what was measured without any command, u_n those of the command alone, as much
-earlier (the device does not know when it is), y' and u' their slopes. Beside that stands what
-commonly acts and no device file knows, with the sign that it has in nature: on each mass viscous,
-dry and quadratic drag that resist, a spring that holds, a constant force. What drives a device is
-told by what is left of e: with an s or an n, and without.
+where y are the innovations of the measurement without any command, u_n those of the command alone,
+advanced by n samples (the device does not depend on time), and y' and u' their slopes. Forces that
+are common and in no device file are added, with the sign that they have in nature: on each mass
+viscous, dry and quadratic drag that resist, a spring that holds, a constant force. What remains of
+e, with an s or an n and without, shows what drives the device.
 
-The product s d makes it a regression in turns: s without d first, then with d at the s before. At
-s = 0 a device that is off has no command to answer to either, which a regression about s = 1 does
-not know: there a wrong mass makes up for a command that is a thousand times too large. Of a rigid
-body s and 1 - d are one factor, so d has a narrow prior, which leaves to s what either explains.
+The product s d makes this an alternating regression: first s without d, then d at the s before. A
+device that is off (s = 0) does not answer to a command at all, which a regression about s = 1 does
+not represent: there a wrong mass would compensate a command that is a thousand times too large. For
+a rigid body s and 1 - d are one factor; so d has a narrow prior, which assigns to s what either
+explains.
 """
 
 from collections.abc import Sequence
@@ -51,18 +52,18 @@ FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whateve
 
 
 def unstepped(device: Device) -> Device:
-    """Return a device without effects, steps and limit: what a command may do at most."""
+    """Return a device without effects, steps and limit: the most that a command may do."""
     unlimited = {"encoder_step": 0.0, "command_step": 0.0, "command_limit": np.inf}
     return device.bare().with_interface(**unlimited)
 
 
 def looked_at(e: Experiment) -> Experiment:
-    """Return as much of a recording as tells how it answers its command."""
+    """Return the part of a recording that suffices to see how it answers its command."""
     return e.part(0, min(LOOKED_AT, e.ticks))
 
 
 def motion(device: Device, e: Experiment) -> Floats | None:
-    """Return how the masses move (ticks, 2n), None where no finite number or observer tells."""
+    """Return the motion of the masses (ticks, 2n), None if not finite or without an observer."""
     # Of sizes that no number holds nothing is told.
     with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
         moved = followed(device, e, observer_near(device, e, FOLLOWING))
@@ -71,7 +72,7 @@ def motion(device: Device, e: Experiment) -> Floats | None:
 
 
 def resisting(moved: Floats) -> list[Floats]:
-    """Forces (ticks, n) that resist or hold, of unit size, by how the masses move (ticks, 2n)."""
+    """Forces (ticks, n) of unit size that resist or hold, for a motion (ticks, 2n)."""
     n = moved.shape[1] // 2
     found: list[Floats] = []
     for mass in range(n):
@@ -90,7 +91,7 @@ def resisting(moved: Floats) -> list[Floats]:
 
 @dataclass(frozen=True)
 class Left:
-    """What is left of the innovations: its mean square, itself (samples,), and the scale s."""
+    """The remaining innovations: mean square, values (samples,), and the scale s."""
 
     square: float
     errors: Floats
@@ -98,11 +99,11 @@ class Left:
 
 
 class Answering:
-    """A recording under one observer.
+    """A recording with one observer.
 
-    resists: forces (ticks, n) that act with their sign; free: those of either. margin: samples by
-    which a command may act earlier or later. Raises NoObserver where none follows. What is asked of
-    one that is not `usable`, since its numbers are not finite, is without meaning.
+    resists: forces (ticks, n) with a known sign; free: those of either sign. margin: samples by
+    which a command may act earlier or later. Raises NoObserver if there is none. For a column that
+    is not `usable`, because its numbers are not finite, the result has no meaning.
     """
 
     def __init__(
@@ -144,7 +145,7 @@ class Answering:
 
     @property
     def samples(self) -> int:
-        """How many numbers the innovations have."""
+        """Number of innovations."""
         return self.forces.shape[0]
 
     def own_alone(self) -> Floats:
@@ -156,9 +157,9 @@ class Answering:
         return self._flat(self.command, earlier)
 
     def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
-        """Return what is left with the command so many times and samples earlier.
+        """Return the remainder with the command scaled and advanced by so many samples.
 
-        scale: None for the one that leaves least, from `lowest` on.
+        scale: None for the one of least error, from `lowest` on.
         """
         own, drives = self._flat(self.own), self._flat(self.command, earlier)
         if scale is not None:
@@ -177,7 +178,7 @@ class Answering:
     def _solved(
         self, columns: Floats, own: Floats, least: Floats, most: Floats
     ) -> tuple[Floats, Floats]:
-        """As `_bounded`, the shares beside their prior: in units of what is left."""
+        """As `_bounded`, with the prior of the shares in units of the remainder."""
         count = len(self.slopes)
         known = columns.shape[1] - count
         first = _bounded(columns, own, least, most, np.zeros(known + count))
@@ -186,7 +187,7 @@ class Answering:
         return _bounded(columns, own, least, most, prior)
 
     def _columns(self, scale: float, earlier: int) -> Floats:
-        """Forces beside, and what masses, springs and dampers do that are off."""
+        """Additional forces, and the effects of wrong masses, springs and dampers."""
         off = [self._flat(y) + scale * self._flat(u, earlier) for y, u in self.slopes]
         return np.column_stack([self.forces, *off])
 
@@ -197,7 +198,7 @@ class Answering:
 
 
 def _off(device: Device) -> list[Device]:
-    """The device with each linear parameter a fifth more."""
+    """The device with each linear parameter a fifth larger."""
     found: list[Device] = []
     for name in LINEAR:
         for i in np.flatnonzero(getattr(device.chain, name)):
@@ -210,9 +211,9 @@ def _off(device: Device) -> list[Device]:
 def _bounded(
     columns: Floats, own: Floats, least: Floats, most: Floats, prior: Floats
 ) -> tuple[Floats, Floats]:
-    """Return z within bounds that leaves least of own + columns z, and what it leaves.
+    """Return z within bounds that minimises own + columns z, and the remainder.
 
-    In the mean square, prior times z squared beside it.
+    In the mean square, plus prior times z squared.
     """
     size = np.sqrt(np.maximum(np.mean(columns**2, axis=0), 1e-300))
     unit = columns / size

@@ -1,22 +1,22 @@
 """Velocities that are differences of encoder counts: converted back to the position.
 
-    v_k = a v_(k-1) + (1 - a) c_k s / T,    c_k whole, s the encoder's step, a = 0 unfiltered.
+    v_k = a v_(k-1) + (1 - a) c_k s / T, where c_k are whole numbers, s is the encoder's step, and a
+    = 0 means unfiltered.
 
-Taken as a velocity under white noise, such a channel says little: its error is that of a position
-differenced, so what it knows of slow motion is thrown away. But (v_k - a v_(k-1)) T / (1 - a) s is
-whole in every sample, which chance does not do, so s and a are found to all digits, and the sum of
-c_k is the encoder's reading, exact up to where it began.
+Used as a velocity with white noise, such a channel has little information: its error is that of a
+differenced position, so what it says about slow motion is lost. But (v_k - a v_(k-1)) T / (1 - a) s
+is whole in every sample, which does not happen by chance. So s and a are found to all digits, and
+the sum of c_k is the encoder's reading, exact except for its start.
 
-The step is the device file's, or that of the values themselves. The filter's a: where the encoder
-stands, v_k = a v_(k-1) again and again; or, the step known, the a under which all are whole. What a
-drive measures by its own clock, or rounds to steps of a velocity, is no difference of a position: a
-step that no device file vouches for has to show errors that turn with every sample, as differences
-of a position do.
+The step is the device file's, or that of the values themselves. The filter's a comes from the ratio
+v_k / v_(k-1) while the encoder stands still, or, with the step known, is the a for which all c_k
+are whole. A velocity that a drive measures by its own clock, or rounds to steps of a velocity, is
+no difference of a position. So a step that is not in the device file must have errors that
+alternate from sample to sample, as differences of a position have.
 
-Limits: a position so found has an origin of its own in every recording, where nothing tells it. Of
-two masses the difference of both is a stretch of their link that is always there, which two
-constant forces would be as well: it is a number of its own (`open_zeros`).
-Filters of higher order, and means, are left as they are.
+Limits: such a position has its own unknown origin in every recording. For two masses the difference
+of the origins is a constant stretch of their link, which two constant forces would also cause; it
+is a parameter of its own (`open_zeros`). Filters of higher order, and means, are left as they are.
 """
 
 from collections.abc import Sequence
@@ -47,10 +47,10 @@ ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 
 @dataclass(frozen=True)
 class Counted:
-    """A position counted in steps, and the filter of the velocity that it was found from.
+    """A position counted in steps, and the filter of the velocity from which it was found.
 
-    known: whether the device file's step and the counts themselves say that it is one. turned,
-    size: how its errors turn from sample to sample, and their square.
+    known: whether both the device file's step and the counts confirm it. turned, size: correlation
+    of its errors from sample to sample, and their square.
     """
 
     position: Floats
@@ -68,10 +68,11 @@ class Counted:
 
 
 def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings with the positions that velocities of all of them were counted from.
+    """Return recordings with the positions from which velocities of all of them were computed.
 
-    What was read so is said in the notes of each. Of several recordings only where the device has
-    nothing that depends on position: each would have an origin of its own.
+    The notes of each recording name what was read in this way. Several recordings are only
+    converted if nothing in the device depends on position, since each would have an origin of its
+    own.
     """
     if not experiments or (len(experiments) > 1 and _placed(device)):
         return list(experiments)
@@ -90,9 +91,9 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
 
 
 def open_zeros(device: Device, experiments: Sequence[Experiment]) -> Device:
-    """Return the device whose zeros are as open as positions that were counted leave them.
+    """Return the device whose zeros are free where positions were counted.
 
-    A link is stretched where a recording begins by as much as it is later on, or by about that.
+    The stretch of a link at the beginning of a recording is taken as about that of later on.
     """
     apart = [device.uncertainty.zeros]
     for e in experiments:
@@ -128,7 +129,7 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
 
 
 def _placed(device: Device) -> bool:
-    """Whether a device that is moved as a whole moves otherwise."""
+    """Whether a device that is moved as a whole moves differently."""
     forces = (p for p in device.physics if p.effect.hook in ("force", "sensor"))
     return device.chain.ground_spring != 0.0 or any(forces)
 
@@ -195,7 +196,7 @@ def _where_it_stands(v: Floats) -> float | None:
 
 
 def _filter_of(v: Floats, unit: float) -> float | None:
-    """The feedback under which velocities are whole counts, None for none."""
+    """The filter coefficient for which velocities are whole counts, None for none."""
     few = v[: FEW + 1] if v.size <= FEW + 1 else v[(v.size - FEW) // 2 :][: FEW + 1]
     counts = (few[1:] - np.outer(FILTERS, few[:-1])) / ((1.0 - FILTERS[:, None]) * unit)
     off = np.mean(np.abs(counts - np.round(counts)), axis=1)
@@ -213,15 +214,15 @@ def _filter_of(v: Floats, unit: float) -> float | None:
 
 
 def _spiked(counts: Floats) -> bool:
-    """Whether a sample stands out from those beside it as no motion does."""
+    """Whether a sample differs from its neighbours more than a motion can."""
     error = np.abs(counts - savgol_filter(counts, *SMOOTHED))
     return float(error.max()) > max(FEWEST, ALONE * float(np.sqrt(np.mean(error**2))))
 
 
 def _turning(each: Sequence[Counted]) -> bool:
-    """Whether errors turn from sample to sample, as those of a position that is differenced.
+    """Whether errors alternate from sample to sample, as those of a differenced position do.
 
-    Those of all recordings together: motion that is quick hides it in one of them.
+    Those of all recordings together, since fast motion hides it in one of them.
     """
     told = [c for c in each if not c.known]
     size = sum(c.size for c in told)

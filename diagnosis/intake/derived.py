@@ -2,14 +2,15 @@
 
     v_k = a_1 v_(k-1) + a_2 v_(k-2) + sum_j b_j (p_(k-j) - p_(k-j-1)) + e_k,    j = -LEAD ... LAG,
 
-by least squares. Of a velocity with noise of its own e is at least that noise. Of one that was
-worked out from p (differences, central ones, moving means, filters of first and second order), e is
-the last digit that was written. Taken for a second measurement, its noise would be the encoder's
-once more: to a filter of two measurements of independent noise, such a pair is as good as exact,
-and the physics drowns in disturbance (of friction at 340 sigma, 8 were left).
+by least squares. If the velocity has noise of its own, e is at least that noise. If it was computed
+from p (differences, central ones, moving means, filters of first and second order), e is the last
+digit that was written. Treated as a second measurement, its noise would be the encoder's once more:
+for a filter of two measurements of independent noise such a pair is nearly exact, and the physics
+is taken for a disturbance (of friction at 340 sigma, 8 were left).
 
-Held to be worked out where e is far below what in v is rough, and the same filter run on p alone,
-without any v, still gives v: an oscillation foretells itself by two coefficients of its own.
+A velocity counts as computed if e is far below the roughness of v, and if the same filter run on p
+alone, without any v, still gives v. (An oscillation predicts itself with two coefficients of its
+own.)
 """
 
 from collections.abc import Sequence
@@ -30,9 +31,9 @@ FORGOTTEN = 200  # samples after which a filter has forgotten how it began
 
 
 def measured_alone(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings without velocities that all of them have worked out from a position.
+    """Return recordings without velocities that all of them computed from a position.
 
-    What is left out is said in the notes of each.
+    The notes of each recording name what is left out.
     """
     shared = [o for o in experiments[0].outputs if all(o in e.outputs for e in experiments)]
     gone = [

@@ -1,15 +1,15 @@
 """The scale of the command, estimated from the motion that it causes.
 
-The scale is that of a regression (`intake.answering`) beside drag, friction and a device file that
-is off by up to a half, or twice as much: alone it would be drawn by all that the file does not
-know. Drag on a mass is a force that goes with the motion, and so with the command. What is told is
-what no such device does under the command it is said to have had.
+The scale is that of a regression (`intake.answering`) that includes drag, friction and device
+parameters that are wrong by up to a half or a factor of two; without these, everything that the
+file lacks would change the scale. Drag on a mass is a force in phase with the motion, and so with
+the command. A fault is only reported if no such device could move so under the recorded command.
 
-It is asked under observers that look differently far ahead, and the one under which the command
-explains most counts, unless another tells more surely that the command is too large. Those that
-hardly look ahead see little but noise; where a feedback has put that noise into the command, both
-go together, and the scale comes out tens of times too large. So one that is told clearly and within
-what a device file may be off by is taken before a larger one.
+Observers with several horizons are tried, and the one under which the command explains most
+decides, unless another shows more clearly that the command is too large. Observers with a very
+short horizon see little but noise; if a feedback has put that noise into the command, both are
+correlated, and the scale comes out tens of times too large. So a scale that is clear and within the
+tolerance of a device file has precedence over a larger one.
 """
 
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ class Driven:
 
 
 def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | None:
-    """Return how many times over a device seems driven, None where nothing can be compared.
+    """Return the factor by which a device seems driven, None if nothing can be compared.
 
-    forward: the sign of its command is known to be right.
+    forward: whether the sign of its command is known to be right.
     """
     bare = device.bare().with_interface(encoder_step=0.0, command_step=0.0)
     e = looked_at(e)
@@ -78,7 +78,7 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
 def _under(
     device: Device, e: Experiment, forces: Sequence[Floats], ratio: float, forward: bool
 ) -> Driven | None:
-    """The same under one observer."""
+    """The same with one observer."""
     try:
         asked = Answering(device, e, ratio, forces)
         if not asked.usable:

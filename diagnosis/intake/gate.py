@@ -1,15 +1,15 @@
 """Is the recording itself sound? Faults of the recording are findings of their own.
 
-Clipping, repeated samples and the encoder step actually seen are facts. That a sign or a unit is
-wrong is not: strong physics may look like it. So the gate only proposes it (`suspicion`), with what
-would be corrected in which channel, and a search of each reading decides (`intake.readings`).
+Clipping, repeated samples and the observed encoder step are facts. A wrong sign or unit is not:
+strong physics may look like it. So the gate only suspects it (`suspicion`), with the channel and
+the correction, and a search with each reading decides (`intake.readings`).
 
-Suspected is a recording whose command takes energy out of the device, which no passive one has to
-give, and one that seems driven several times more or less than its command says (`driven`). It is
-asked of each output alone: where one seems so and another does not, that output is suspected; where
-all do, the command, and after it all outputs at once, unless steps of the size that the device file
-states vouch for an output. A fault belongs to its recording: what corrects one is not applied to
-another.
+A recording is suspected if its command takes energy out of the device, which no passive device can
+give, or if the device seems driven several times more or less than the command says (`driven`).
+Each output is tested alone. If one output is suspect and another is not, that output is at fault.
+If all are, the command is suspected first, and then all outputs at once, unless steps of the size
+in the device file confirm an output. A fault belongs to its recording; its correction is not
+applied to others.
 """
 
 import math
@@ -34,10 +34,10 @@ ALIKE_OVER = (1, 4, 16, 64, 256)  # ticks, over which a position and a velocity 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
+    """A finding about a recording. kind: a word; wrong: it makes the recording false as it is.
 
-    value: what was seen, by kind; where channels are named, the factor that corrects these.
-    recording: the name of the one that it is of, "" for all.
+    value: what was seen, by kind; if channels are named, the factor that corrects them. recording:
+    the name of the recording concerned, "" for all.
     """
 
     kind: str
@@ -49,9 +49,9 @@ class Fault:
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return what is odd about recordings, what is likeliest of what is suspected of them first.
+    """Return the facts about recordings; the likeliest suspicion first.
 
-    Steps and repeats are those of the recordings once corrected by their own faults.
+    Steps and repeats are those of the recordings after correction of their own faults.
     """
     faults: list[Fault] = []
     for e in experiments:
@@ -61,7 +61,7 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
 
 
 def oddities(device: Device, e: Experiment) -> list[Fault]:
-    """Return what is odd about a recording and no matter of belief."""
+    """Return the facts about a recording that need no judgement."""
     found = [Fault("recording", note, False, e.begins) for note in e.notes]
     found += _clipped(e) + _output_faults(device, e)
     return [replace(fault, recording=e.name) for fault in found]
@@ -83,7 +83,7 @@ def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
 
 
 def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
-    """Return the fault of channels that count too much or too little by a factor."""
+    """Return the fault of channels whose scale is wrong by a factor."""
     what = "command" if channels == COMMAND else "output"
     kind = f"{what}_sign" if factor < 0.0 else f"{what}_scale"
     return Fault(kind, sentence(e.name, channels, factor), True, factor, e.name, channels)
@@ -103,10 +103,10 @@ def _clipped(e: Experiment) -> list[Fault]:
 
 @dataclass(frozen=True)
 class _Seen:
-    """How many times over an output seems driven; off: not as the device file has it.
+    """The factor by which an output seems driven; off: not as the device file has it.
 
     clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
-    better: by which factor the rms error is smaller at that scale than as it is, or 1.
+    better: by which factor the rms error is smaller at that scale than without it, or 1.
     """
 
     scale: float
@@ -117,14 +117,15 @@ class _Seen:
 
     @property
     def counts(self) -> float:
-        """The factor that corrects it: by its steps where it has them, which know no sign."""
+        """The factor that corrects it: from its steps if it has them, which have no sign."""
         return 1.0 / self.scale if self.step is None else math.copysign(self.step, self.scale)
 
     def certain(self, rotary: bool) -> bool:
-        """Whether it is off whatever physics is: by a sign, or by a unit that is far off.
+        """Whether it is wrong with any physics: by a sign, or by a unit that is far off.
 
-        Under which the device file errs less by `certain` times, drag, friction and a file that is
-        off by half beside it; or which its steps say as well.
+        A correction with which the device file's error is smaller by a factor of `certain`,
+        including drag, friction and parameters that are wrong by half; or one that the steps
+        confirm as well.
         """
         if self.step is not None and unit_of(self.step) is not None:
             return far_off(self.step, rotary) and _within(self.counts * self.scale, INTAKE.off)
@@ -139,10 +140,10 @@ class _Seen:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """Corrections that may be due, the likeliest first, at most two; none for a sound recording.
+    """Possible corrections, the likeliest first, at most two; none for a sound recording.
 
-    Any one of them is a whole correction of the recording. certain: whether one is due whatever
-    physics is. No search of physics need decide that.
+    Each is a complete correction of the recording. certain: whether a correction is due with any
+    physics; then no search needs to decide.
     """
 
     ways: tuple[tuple[Fault, ...], ...] = ()
@@ -163,10 +164,11 @@ def suspicion(device: Device, e: Experiment) -> Suspicion:
 
 
 def _tell_the_same(e: Experiment, one: int, other: int) -> bool:
-    """Whether a position and a velocity of one mass are those of one motion, neither read wrong.
+    """Whether position and velocity of one mass agree, so that neither is read wrong.
 
-    The integral of the velocity over some time goes with the way by a slope of one, both ways, so
-    that noise of neither makes it: whatever physics drives the motion, and however the command.
+    The regression of the integrated velocity on the travel, and of the travel on it, has a slope of
+    one in both directions, which noise of neither signal causes, whatever physics drives the
+    motion.
     """
     outputs = (e.outputs[one], e.outputs[other])
     if outputs[0].mass != outputs[1].mass or outputs[0].quantity == outputs[1].quantity:
@@ -207,16 +209,16 @@ def _ways(device: Device, e: Experiment, seen: Sequence[_Seen]) -> list[tuple[Fa
 
 
 def _common(scales: Sequence[float], rotary: bool) -> float:
-    """The factor that most of several scales agree about, as a unit where it is near one."""
+    """The factor on which most of several scales agree, as a unit if it is near one."""
     sign = 1.0 if sum(float(np.sign(s)) for s in scales) >= 0.0 else -1.0
     size = float(np.exp(np.median(np.log(np.abs(scales)))))
     return nearest_unit(sign * size, rotary)
 
 
 def _seen(device: Device, e: Experiment, o: int) -> _Seen:
-    """How many times over one output seems driven.
+    """The factor by which one output seems driven.
 
-    What differs by much is only told near where it is told from, so it is told in turns.
+    A large difference only shows clearly from nearby, so corrections are found one after the other.
     """
     alone = replace(e, measured=e.measured[:, [o]].copy(), outputs=(e.outputs[o],))
     taken = _energy_taken(device, alone)
@@ -253,7 +255,7 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
 
 
 def _within(factor: float, most: float) -> bool:
-    """Whether a factor is one, to within another."""
+    """Whether two factors agree within a tolerance."""
     return 1.0 / most < factor < most
 
 
@@ -269,9 +271,9 @@ def _doubtful(told: Driven) -> bool:
 def _energy_taken(device: Device, e: Experiment) -> float:
     """Energy that a command gives to m1, as a share of the most that it could; 0 of other masses.
 
-    A held command gives u_k (x_(k+1) - x_k), whatever happens between: no velocity is needed, whose
-    noise a feedback would have put into the command. With the command as late as the device's delay
-    and a tick more, since a feedback also knows the noise of x_k.
+    A held command gives the energy u_k (x_(k+1) - x_k), whatever happens between, so no velocity is
+    needed, whose noise a feedback would have put into the command. The command is taken with the
+    device's delay and one tick more, since a feedback also contains the noise of x_k.
     """
     if e.outputs[0].mass != 0:
         return 0.0
@@ -313,7 +315,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
 
 
 def merged(values: Floats, share: float) -> Floats:
-    """Return levels in order, those that differ by less than a share of the largest as one."""
+    """Return levels in order; levels closer than a share of the largest count as one."""
     levels = np.unique(values)
     digits = 4.0 * np.finfo(np.float64).eps * float(np.abs(levels).max(initial=0.0))
     apart = np.diff(levels) > share * float(np.ptp(levels)) + digits
@@ -324,8 +326,8 @@ def merged(values: Floats, share: float) -> Floats:
 def encoder_step_seen(y: Floats) -> float | None:
     """Return the step of which all values are multiples (up to an offset), None for none.
 
-    The smallest difference between distinct values is a multiple of the step; it is the step if all
-    differences are whole multiples of it, and enough of them are the step itself.
+    The smallest difference between distinct values is a multiple of the step. It is the step if all
+    differences are whole multiples of it, and enough of them are one step.
     """
     levels = merged(y, 1e-9)  # by which rounding puts equal values apart
     if levels.size < 3:

@@ -1,21 +1,21 @@
 """Detects a command that is recorded at another time than it acts.
 
-A logger that stamps a command when it is told of it, and a motion when it was measured, shifts the
-command by some samples. That is asked of a regression (`intake.answering`): the motion answers the
-command n samples earlier, beside any scale of it, drag, friction and a device file that is off by
-half. Where the motion comes before its command (n > 0) the recording is wrong, for no device moves
-before it is driven. Where it comes later than the device file says (n < 0) that may be physics
-(`loop_delay`, `actuator_lag`) and is a fact to be said.
+A logger that stamps a command when it receives it, and a motion when it was measured, shifts the
+command by some samples. A regression finds this (`intake.answering`): the motion answers the
+command n samples earlier, with any scale, drag, friction and a device file that is wrong by half.
+If the motion comes before its command (n > 0) the recording is wrong, since no device moves before
+it is driven. If it comes later than the device file says (n < 0), this may be physics
+(`loop_delay`, `actuator_lag`) and is only reported.
 
-What a device file gets wrong draws n by a sample or some, and the farther ahead an observer looks,
-the more. So two are asked that look differently far: both have to know an answer, alike to a third,
-and the less of the two counts; only a true shift is the same to both. An answer counts where the
-errors are 1.5 times smaller by it, or where both observers say more than a sample and one is five
-sigma of blocks clear of none (`evidence.compared`): a hold that is none (`intake.hold`) is half a
-sample. The scale is free since a device file knows it badly, and its sign is not: a feedback tells
-of what is measured later, but by the other sign, u = -K y.
+Errors of a device file shift n by a sample or more, the more the longer the horizon of the
+observer. So two observers with different horizons must both find a shift, within a third of each
+other, and the smaller one counts; only a true shift is the same for both. A shift is accepted if it
+makes the errors 1.5 times smaller, or if both observers find more than a sample and one is five
+sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. The
+scale is free, since device files do not know it well. Its sign is not free: a feedback predicts
+later measurements, but with the opposite sign, u = -K y.
 
-Sown in recordings of machines: docs/machines/README.md.
+It was tested on faults put into recordings of machines: docs/machines/README.md.
 """
 
 import math
@@ -48,7 +48,7 @@ MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
 
 
 def shifted_by(device: Device, e: Experiment) -> int:
-    """Return by how many samples a command comes late, below 0 for early, 0 for none that shows."""
+    """Return by how many samples a command is late, below 0 for early, 0 if none shows."""
     part = looked_at(e)
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
@@ -77,9 +77,10 @@ def shifted_by(device: Device, e: Experiment) -> int:
 
 @dataclass(frozen=True)
 class Shift:
-    """By how many samples a command comes late, and what says so.
+    """The delay of a command in samples, and its evidence.
 
-    gained: -2 ln likelihood by it; better: as a factor of the rms error; sigma: by blocks.
+    gained: decrease of -2 ln likelihood; better: the same as a factor of the rms error; sigma: by
+    blocks.
     """
 
     samples: int
@@ -88,16 +89,16 @@ class Shift:
     sigma: float
 
     def sure(self, most: int, single: bool) -> bool:
-        """Whether it counts. At the end of what was asked nothing is told: it may lie beyond.
+        """Whether it is significant. At the end of the range it is not, as the best may lie beyond.
 
-        single: whether both observers agree on one sample only.
+        single: whether both observers agree on exactly one sample.
         """
         clear = self.better > INTAKE.better or (not single and self.sigma > VERDICT.apart)
         return 0 < abs(self.samples) < most and self.gained > INTAKE.surely and clear
 
 
 def _under(asked: Answering, most: int) -> Shift | None:
-    """What one observer says; None where no command is better than any."""
+    """The result of one observer; None if the command explains nothing."""
 
     @cache
     def left(earlier: int) -> Left:
@@ -119,7 +120,7 @@ def _under(asked: Answering, most: int) -> Shift | None:
 
 
 def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
-    """The shift from which neither neighbour leaves less."""
+    """The shift that is better than both its neighbours."""
     here = begin
     while True:
         near = [n for n in (here - 1, here + 1) if -most <= n <= most]
@@ -130,7 +131,7 @@ def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
 
 
 def _screened(asked: Answering, most: int) -> Floats:
-    """Mean squares left (2 most + 1,) by each shift, of a device that is not off."""
+    """Mean squares left (2 most + 1,) by each shift, for a device without errors."""
     beside = np.linalg.qr(asked.forces)[0]
     own = asked.own_alone()
     own = own - beside @ (beside.T @ own)
@@ -144,7 +145,7 @@ def _screened(asked: Answering, most: int) -> Floats:
 
 
 def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its command when it acts, and what was odd or wrong about it."""
+    """Return a recording with its command when it acts, and what was wrong with it."""
     n = shifted_by(device, e)
     if n == 0:
         return e, []

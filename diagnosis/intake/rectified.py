@@ -1,14 +1,14 @@
 """A sensor that reports absolute values: restores the sign of its readings.
 
-A motion through zero comes back from it with its velocity turned at once, which no force can do; a
-velocity, with its acceleration. So each sample takes the sign that continues the motion, z_k = s_k
-y_k nearest to the extrapolation of the last samples; then signs and a linear system between command
-and z are fitted in turn, and the whole takes the sign under which the nominal device predicts it
-better, by the observer that predicts it best. Believed where that is better by a factor than the
-readings as they are; or by less but surely, where the motion stays on either side for long (noise
-about zero changes sides with every sample, and choosing its signs makes it smaller); or where the
-device file knows it. Limit: where a motion touches zero more slowly than its noise, either
-continuation is as good.
+A rectified motion returns from zero with its velocity reversed at once, which no force can do (of a
+velocity: with its acceleration). So each sample takes the sign that continues the motion: z_k = s_k
+y_k is nearest to the extrapolation of the last samples. Then signs and a linear system between
+command and z are fitted in turn, and the whole takes the sign under which the nominal device
+predicts it better, with the observer that predicts it best. The result is used if it is better than
+the readings as they are by a factor; or by less but clearly, if the motion stays on either side for
+long (noise about zero changes sides with every sample, and choosing its signs makes it smaller); or
+if the device file says so. Limit: if a motion touches zero more slowly than its noise, both
+continuations are equally good.
 """
 
 import math
@@ -40,14 +40,14 @@ TURNS = 30  # of signs and system
 
 @dataclass(frozen=True)
 class Unfolded:
-    """The recording folded out, and by which factor it is predicted better."""
+    """The recording with its signs restored, and by which factor its prediction is better."""
 
     experiment: Experiment
     factor: float
 
 
 def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
-    """Return the recording folded out, None where it does not look like absolute values."""
+    """Return the recording with its signs restored, None if it does not look rectified."""
     y = experiment.measured[:, 0]
     span = float(np.ptp(y))
     if y.min() < -BELOW * span or y.min() > BELOW * span:  # negative, or never near zero
@@ -74,7 +74,7 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
 
 
 def as_known(device: Device, experiment: Experiment) -> Experiment:
-    """Return the recording of a device whose file has such a sensor, folded out."""
+    """Return the recording with its signs restored, for a device whose file has such a sensor."""
     z = folded_out(np.abs(experiment.measured[:, 0]), experiment.command)
     there, turned = np.inf, np.inf
     with suppress(NoObserver):  # else neither way is known to be the better one
@@ -100,10 +100,10 @@ def _with_first(experiment: Experiment, first: Floats) -> Experiment:
 
 
 def folded_out(y: Floats, command: Floats) -> Floats:
-    """Return y with the signs under which it moves as one linear system under a command.
+    """Return y with the signs for which it moves as one linear system under a command.
 
-    From the signs that continue the motion over one, two and four samples; of what they lead to,
-    that with the least error. The whole may still be turned round.
+    The signs that continue the motion over one, two and four samples are tried, and the ones of
+    least error kept. The sign of the whole may still be wrong.
     """
     starts = [np.where(continued(y, back) < 0.0, -1.0, 1.0) for back in BACK]
     found = [_consistent(y, command, s) for s in starts] if y.size > 4 * ORDER else []
@@ -126,7 +126,7 @@ def continued(y: Floats, back: int) -> Floats:
 def _consistent(y: Floats, command: Floats, signs: Floats) -> tuple[Floats, float]:
     """Return signs that a linear system fitted to them predicts best, and its square error.
 
-    In turn: the system by least squares, and the likeliest signs under it (`sim.signs`).
+    Alternately: the system by least squares, and the likeliest signs under it (`sim.signs`).
     """
     error = np.inf
     for _ in range(TURNS):

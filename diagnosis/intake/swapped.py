@@ -1,17 +1,16 @@
 """Detects columns described in exchanged order: two outputs, or the command and a motion.
 
-Two outputs of one quantity at two masses are read the other way round, and the better prediction
-by the device file decides, by much (a device file is off by half in every number). A command that
-stands where a motion should jumps where nothing with a mass can, and the motion that stands in its
-place drives it: beside drag, friction and a device file that is off (`intake.answering`), with u
-and y exchanged and any scale,
+Two outputs of one quantity at two masses are exchanged if the device file then predicts them much
+better (a device file may be wrong by half in every number). A command in place of a motion jumps as
+nothing with a mass can, and the motion in its place drives it. With drag, friction and errors of
+the device file (`intake.answering`), and with u and y exchanged and any scale,
 
-    what the command leaves of the squares of e, over what is left without any command,
+    the share of the squares of e that remains with the command, over the share without any command,
 
-is less than half of what it is as described. Of a command of one tone nothing tells: each of two
-sines is the other, scaled and late. Less than two periods are no tone, but what moves once to and
-fro. Nor does anything tell of a drive that was switched off meanwhile. Outputs are exchanged again;
-a command and a motion are not, since each was converted by the other's unit.
+is then less than half of its value as described. A command of one tone shows nothing, since each of
+two sines is the other, scaled and delayed. (Less than two periods are no tone.) A drive that was
+switched off in between shows nothing either. Outputs are exchanged automatically; a command and a
+motion are not, since each was converted with the other's unit.
 """
 
 import itertools
@@ -44,7 +43,7 @@ EXCHANGED = "command_exchanged"
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its outputs in their places, and what was wrong about its columns."""
+    """Return a recording with its columns put right, and what was wrong with them."""
     bare, part = unstepped(device), looked_at(e)
     with np.errstate(all="ignore"):  # of sizes that no square holds nothing is told
         held = np.sum(part.measured**2), np.sum(part.command**2)
@@ -93,7 +92,8 @@ def _gains(
 ) -> tuple[float, float]:
     """By how much the second of two errs less than the first, in mean log rms innovation.
 
-    Under the observer under which that is most, and each under its best; 0 where none follows both.
+    The first under the observer that makes it largest, each other under its best; 0 if no observer
+    follows both.
     """
     as_is, turned = (_errors(device, one, outputs) for one in both)
     common = as_is.keys() & turned.keys()
@@ -113,7 +113,7 @@ def _evened(e: Experiment, a: int, b: int) -> Experiment:
 
 
 def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float, float]:
-    """Mean log rms innovation of two outputs, under each observer that follows, by its ratio."""
+    """Mean log rms innovation of two outputs, for each observer that follows, by its ratio."""
     found: dict[float, float] = {}
     for ratio in (*RATIOS, 1.0):
         try:
@@ -128,9 +128,9 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float
 
 
 def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
-    """What an output, as the command, leaves of the command, over what that leaves of it.
+    """Ratio of the unexplained shares with output and command exchanged, and as described.
 
-    1 where nothing tells.
+    1 if it cannot be determined.
     """
     y, u = e.measured[:, o], e.command
     tones = one_tone(u) and (periods(u) >= 2 or one_tone(y, 0.9))
@@ -162,7 +162,7 @@ def periods(u: Floats) -> int:
 
 
 def _unanswered(device: Device, e: Experiment) -> float:
-    """The least share of the squares of e that a command leaves, of any scale."""
+    """The smallest share of the squares of e that remains with a command of any scale."""
     found = [1.0]
     if (moved := motion(device, e)) is None:
         return 1.0

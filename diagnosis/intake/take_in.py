@@ -1,8 +1,8 @@
 """Prepares recordings for the diagnosis: checks, corrects, and leaves out unusable parts.
 
-Whether a sign or a unit of a recording is wrong is a hypothesis beside physics. The gate says what
-is suspected; each way to read the recordings (`readings`) is searched for physics, and what costs
-least is kept (`likeliest`).
+A wrong sign or unit of a recording is a hypothesis beside physics. The gate lists what is
+suspected; each way to read the recordings (`readings`) is searched for physics, and the one of
+least cost is kept (`likeliest`).
 """
 
 import math
@@ -46,13 +46,13 @@ NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Taken:
-    """Recordings whole, the part of each to fit on, and what is to judge.
+    """Complete recordings, the part of each to fit, and what is to judge.
 
-    faults: what is odd about them; folded: by which factor they are better folded out, or 1.
-    whole_unopened: the held-out data are a part of them, and not other recordings. left_out: places
-    of those that an error cost. misread: place in fit_on and fault of each correction that another
-    way to read them does without; doubted: whether a recording to judge by is suspected. device:
-    what they are of, its zeros as open as they leave them.
+    faults: what is wrong with them; folded: by which factor they are better unfolded, or 1.
+    whole_unopened: the held-out data are a part of them, and not other recordings. left_out:
+    indices of those that an error prevented. misread: index in fit_on and fault of each correction
+    that another reading does without; doubted: whether a validation recording is suspected. device:
+    of these recordings, with its zeros as free as they require.
     """
 
     device: Device
@@ -70,9 +70,9 @@ class Taken:
 def take_in(
     device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
 ) -> Taken:
-    """Take recordings in as they are likeliest to be read, by a quick search of each reading.
+    """Prepare recordings as they are likeliest to be read, by a quick search of each reading.
 
-    As they are where an error ended such a search: what it did not try tells nothing of a reading.
+    Unchanged if an error ended such a search, since its result then says nothing about a reading.
     Raises as `readings` does.
     """
     refuse_unknown_words(experiments, validate or ())
@@ -98,13 +98,13 @@ def readings(
 ) -> list[Taken]:
     """Return the ways to read recordings: as they are, and at most two others that are suspected.
 
-    Velocities that were worked out from positions are left out (`intake.derived`), those that are
-    an encoder's counts taken as the positions counted (`intake.counted`). Each recording is folded
-    out, its columns put in their places (`intake.swapped`), its command brought to when it acts
-    (`intake.late`), corrected by what is suspected of it, and taken held or smooth. One to judge by
-    is corrected where one to fit on is by the same factor. An error in one of several costs that
-    one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an
-    error leaves none.
+    Velocities that were computed from positions are left out (`intake.derived`); those that are an
+    encoder's counts become positions (`intake.counted`). Each recording is unfolded, its exchanged
+    columns are put right (`intake.swapped`), its command is shifted to when it acts
+    (`intake.late`), suspected faults are corrected, and the command is taken as held or smooth. A
+    validation recording is corrected if one of the fit is corrected by the same factor. An error in
+    one of several recordings loses only that one. Raises ExperimentError if the only one cannot be
+    used, and NotDiagnosed if an error leaves none.
     """
 
     def looked_at(e: Experiment) -> _Looked:
@@ -150,9 +150,9 @@ def readings(
 
 @dataclass(frozen=True)
 class _Looked:
-    """A recording folded out, by which factor that is better, what is odd, what is suspected.
+    """A recording with signs restored, the factor gained, facts about it, and suspicions.
 
-    certain: whether that is due whatever physics is.
+    certain: whether the correction is due with any physics.
     """
 
     experiment: Experiment
@@ -162,7 +162,7 @@ class _Looked:
     certain: bool = False
 
     def decided(self) -> "_Looked":
-        """Return it with the likeliest way alone, which says what other channel it may be."""
+        """Return it with the likeliest way alone, and the other channels that may be at fault."""
         if not self.ways:
             return self
         others = [f for way in self.ways[1:] for f in way]
@@ -211,7 +211,7 @@ def _taken(
 
 
 def said_once(faults: Sequence[Fault]) -> list[Fault]:
-    """Return faults, of those that say the same of stretches of one recording the largest."""
+    """Return faults; of equal ones from stretches of one recording, the largest."""
     found: dict[tuple[str, str, str], Fault] = {}
     for fault in faults:
         said = (fault.kind, fault.recording, NUMBER.sub("#", fault.sentence))
@@ -221,16 +221,15 @@ def said_once(faults: Sequence[Fault]) -> list[Fault]:
 
 
 def misread_price(taken: Taken) -> float:
-    """Return what a reading costs beside what is explained under it, in -2 ln.
+    """Return the cost of a reading besides the cost of its hypothesis, in -2 ln.
 
-    What was measured is y, and what a reading predicts is z = s y of an output that it corrects by
-    s. Of n samples
+    y was measured, and a reading that corrects an output by s predicts z = s y. For n samples
 
         p(y) = |s|^n p(z),    -2 ln p(y) = -2 ln p(z) - 2 n ln |s|:
 
-    the misfit under z grows by 2 n ln |s| for its larger unit alone, which this takes back. A fault
-    of several recordings alike is one; else each has its own odds, and a factor that is no unit is
-    one of the 2 ln 1000 / width that it could have been.
+    so the misfit under z grows by 2 n ln |s| because of its larger unit alone, which is subtracted
+    here. The same fault in several recordings counts once; otherwise each has its own odds, and a
+    factor that is no unit is one of the 2 ln 1000 / width that it could have been.
     """
     price = 0.0
     for place, fault in taken.misread:
@@ -254,11 +253,11 @@ def _rarity(factor: float) -> float:
 def likeliest(
     every: Sequence[Taken], search: Callable[[Taken], tuple[float, Result]]
 ) -> tuple[Taken, Result]:
-    """Return the reading that costs least, with what a search under it found.
+    """Return the reading of least cost, and the result of the search with it.
 
     search: gives the cost of the best hypothesis under a reading and what it found, or raises
-    NoObserver, after which that reading is none. Raises NoObserver where no reading is left. What
-    another correction explains as well is said with the fault.
+    NoObserver, which excludes that reading. Raises NoObserver if no reading is left. If another
+    correction explains the recording equally well, the fault says so.
     """
     found: list[tuple[float, Taken, Result]] = []
     last: NoObserver | None = None
@@ -280,7 +279,7 @@ def likeliest(
 
 
 def _with_doubt(kept: Taken, as_good: Sequence[Taken]) -> Taken:
-    """Say of each fault what other channel it may be as well."""
+    """Add to each fault which other channel it may be."""
     others = [f for taken in as_good for _, f in taken.misread]
     misread = tuple((place, _doubted(fault, others)) for place, fault in kept.misread)
     known = {id(old): new for (_, old), (_, new) in zip(kept.misread, misread, strict=True)}
@@ -299,9 +298,9 @@ def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
 
 
 def judged_anew(taken: Taken, found: Device) -> Taken:
-    """Correct recordings to judge by where the device that was found says what is wrong with them.
+    """Correct validation recordings where the device that was found shows what is wrong with them.
 
-    No search sees them, and what is suspected by the device file alone may be physics.
+    No search sees them, and what the device file alone makes suspicious may be physics.
     """
     if not taken.doubted:
         return taken
@@ -318,7 +317,7 @@ def judged_anew(taken: Taken, found: Device) -> Taken:
 
 
 def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) -> NotDiagnosed:
-    """Return the end of a diagnosis by an error in a stage that nothing can be said without."""
+    """Return a diagnosis ended by an error in a stage without which there is no answer."""
     with collecting(silent) as mishaps:
         sentence = f"nothing can be concluded: {mishaps.keep(stage, '', error).sentence}"
         return NotDiagnosed(Unanswered(sentence, tuple(faults), tuple(mishaps.found)))
@@ -327,7 +326,7 @@ def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) ->
 def _each(
     experiments: Sequence[Experiment], work: Callable[[Experiment], Result]
 ) -> list[tuple[int, Result]]:
-    """What work gives on each recording, with its place; an error in one of several costs it."""
+    """The result of work on each recording, by index; an error in one of several loses that one."""
     found: list[tuple[int, Result]] = []
     for place, e in enumerate(experiments):
         try:
@@ -345,7 +344,7 @@ def _each(
 
 
 def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
-    """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
+    """Restore the signs of a rectifying sensor; returns the factor gained, or 1."""
     if any(p.effect.name == "rectified_sensor" for p in device.physics):
         return as_known(device, e), 1.0
     tried = unfolded(device, e)
@@ -353,9 +352,9 @@ def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
 
 
 def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Take a command as smooth between samples where that explains the motion much better.
+    """Take a command as smooth between samples if that explains the motion much better.
 
-    Or where the device file says that it is.
+    Or if the device file says so.
     """
     if device.interface.command_hold == "smooth":
         return smooth(e), []

@@ -34,21 +34,21 @@ ALONG = (25.4e-3, 1e-2, 1e-3)
 
 
 def unit_of(factor: float) -> str | None:
-    """Return in what a channel may be that is corrected by a factor, None for no unit."""
+    """Return the unit of a channel that a factor corrects, None for no unit."""
     near = min(UNITS, key=lambda u: abs(math.log(abs(factor) / u)))
     return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(1.03) else None
 
 
 def asked_unit(factor: float, command: bool) -> str | None:
-    """As `unit_of`; of a command no unit of angles, which only the motion can be in."""
+    """As `unit_of`; for a command no unit of angles, which only a motion can have."""
     unit = unit_of(factor)
     return ANGLES if command and unit in ("degrees", "turns", "turns a minute") else unit
 
 
 def nearest_unit(factor: float, rotary: bool) -> float:
-    """Return the common unit, or 1 for none, that a factor is near, itself where it is near none.
+    """Return the common unit near a factor, 1 for none, or the factor if it is near no unit.
 
-    What tells a factor is a device file, which may be rough.
+    The factor is found from a device file, which may be inaccurate.
     """
     common = TURNING if rotary else ALONG
     every = [1.0, *common, *(1.0 / u for u in common)]
@@ -58,7 +58,7 @@ def nearest_unit(factor: float, rotary: bool) -> float:
 
 
 def far_off(factor: float, rotary: bool) -> bool:
-    """Whether a factor is near a common unit, and farther off than anything but units is."""
+    """Whether a factor is near a common unit, and too large for an error of the device file."""
     size = abs(nearest_unit(factor, rotary))
     common = TURNING if rotary else ALONG
     near = any(math.isclose(size, u) or math.isclose(size, 1.0 / u) for u in common)

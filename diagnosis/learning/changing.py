@@ -1,31 +1,31 @@
 """Parameters that change in a recording: by a step, drift, settling or following; and when.
 
-To first order the residual is r_0 + J d, J its slopes by the parameters. Of a parameter j that is
-delta g(t) more than at the end, the slopes are those of j itself times g, since an observer has
-forgotten after some ticks what was before: c = g J_j. Fitted together with all d, with A = J'J,
+To first order the residual is r_0 + J d, where J are its slopes by the parameters. If parameter j
+differs by delta g(t) from its value at the end, the corresponding slopes are those of j times g,
+since an observer forgets earlier values after some ticks: c = g J_j. In a joint fit with all d,
+with A = J'J,
 
     S = c'r_0 - c'J A^-1 J'r_0,    V = c'c - c'J A^-1 J'c,    delta = -S / V,    gain = S^2 / V
 
-in chi-square, so that one pass over slopes that are there already asks every parameter for a step
-at every time, for a drift, for settling at several rates, for what follows a quantity that was
-recorded beside (a temperature: g that quantity), and for one recording unlike the others (a score
-test: Andrews, Econometrica 61, 1993). That it is another in every recording is the same test of as
-many numbers, gain = S' V^-1 S. What gains most is fitted: the recording is cut where it changes,
-its parts share all parameters, and the change is one more (`Model.varying`). It pays what every
-number pays, how rare changes are, and how many were asked for.
+in chi-square. So one pass over existing slopes tests every parameter for a step at every time, a
+drift, settling at several rates, a dependence on a recorded quantity (with g that quantity, such as
+a temperature), and one recording unlike the others (a score test: Andrews, Econometrica 61, 1993).
+Another value in every recording is the same test with as many numbers, gain = S' V^-1 S. The change
+with the largest gain is fitted: the recording is cut where it changes, its parts share all
+parameters, and the change is one more (`Model.varying`). Its penalty is that of every number, plus
+how rare changes are and how many were tried.
 
-An observer that has not yet forgotten foretells less than c just after a step, so slopes date it
-late, by tens of ticks. So it is dated anew by going through it at every tick about there, with what
-was fitted before it and after, in one run. It is uncertain by the times that cost 7.35 more than
-the best, of which 95 % hold the true one: for a step that is small against its noise 2 ln of the
-likelihood falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
+Just after a step an observer that has not yet forgotten predicts less than c, so slopes date the
+step too late, by tens of ticks. So it is dated again: one run switches the parameters at each tick
+around it, with the values fitted before and after. The 95 % interval contains the times that cost
+at most 7.35 more than the best: for a step that is small against its noise, 2 ln of the likelihood
+ratio is distributed as xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
 
-Limits: what moves slowly is fitted in `PIECES` parts of a recording, each at its mean, so that a
-quantity that swings within a part is followed by its mean alone. One parameter changes at a time,
-and few times in all; a change within `NEAREST` ticks of
-either end is not seen, nor are two that undo each other within as many. A law that lacks a state
-that differs between parts of a recording (its level, say) looks like a change: held-out data are
-asked (`answer.changes`).
+Limits: a slow change is fitted in `PIECES` parts of a recording, each at its mean, so a quantity
+that varies within a part is followed by its mean alone. One parameter changes at a time, and few
+times in all. A change within `NEAREST` ticks of either end is not seen, nor are two that cancel
+each other within as many. A law that lacks a state which differs between parts of a recording (its
+level, for example) looks like a change; held-out data decide (`answer.changes`).
 """
 
 import itertools
@@ -76,15 +76,15 @@ FEWEST_RUNS = 3  # of which one may be unlike the others; of two it is a step
 
 @dataclass(frozen=True)
 class Suspect:
-    """A change that would gain: of which parameter, of which shape, when.
+    """A possible change: of which parameter, of which shape, when.
 
-    at: of a step, ticks of all recordings one after the other; between: the same of its 95 %
-    interval. rate: of what settles, in ticks; of a run that is unlike the others, where it ends
-    and `at` where it begins. amount: in x of the parameter. gained: in -2 ln, of
-    it phi (`evidence.compared`). price: of having asked for so many. rates: of what settles, the
-    95 % interval. covariate: what it follows, by its name, its unit, its value at the end and its
-    span. amounts: where every recording has its own, of all but the last, which the fit pays for by
-    about `freedom`. as_well: other courses of the same parameter that gain as much.
+    at: of a step, ticks of all recordings in order; between: its 95 % interval. rate: of settling,
+    in ticks; of a recording unlike the others, where it ends, and `at` where it begins. amount: in
+    x of the parameter. gained: decrease of -2 ln likelihood, divided by phi (`evidence.compared`).
+    price: penalty for having tried so many. rates: of settling, the 95 % interval. covariate: the
+    recorded quantity that it follows: its name, unit, value at the end and span. amounts: if every
+    recording has its own, those of all but the last, for which the fit pays about `freedom`.
+    as_well: other courses of the same parameter that gain as much.
     """
 
     of: str
@@ -103,12 +103,12 @@ class Suspect:
 
     @property
     def worth(self) -> float:
-        """What it would gain, all paid."""
+        """Its gain, less all penalties."""
         return self.told.gain - self.price - self.freedom
 
 
 class Followed(NamedTuple):
-    """A quantity that a parameter follows: at `origin`, its value at the end, it is as at last."""
+    """A quantity that a parameter follows; `origin`: its value at the end of the recording."""
 
     name: str
     unit: str
@@ -131,7 +131,7 @@ class _Sums(NamedTuple):
 
 
 def suspected(h: Hypothesis) -> Suspect | None:
-    """Return the change that a fitted hypothesis would gain most by, None where none would pay."""
+    """Return the change by which a fitted hypothesis would gain most, None if none would pay."""
     smooth = {v.of for v in h.model.varying if v.smooth}  # what is left is that it is cut in parts
     sums = _sums(h)
     every = [s for shape in SHAPES for s in _best_of(h, sums, shape)]
@@ -179,7 +179,7 @@ def _sums(h: Hypothesis) -> _Sums:
 
 
 def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
-    """The best change of one shape of each parameter."""
+    """The best change of one shape for each parameter."""
     assert h.slopes is not None
     at, end = sums.begins, sums.end
     middle = 0.5 * (at + np.append(at[1:], end))
@@ -245,7 +245,7 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
 
 
 def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
-    """What all recordings have beside the motion, that does not stay the same."""
+    """What all recordings contain besides the motion that varies."""
     found: list[Followed] = []
     for c in experiments[-1].covariates:
         own = [d for e in experiments for d in e.covariates if d.name == c.name]
@@ -263,7 +263,7 @@ def groups(experiments: Sequence[Experiment]) -> list[list[int]]:
 
 
 def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
-    """Each parameter as another in every recording: numbers for all but the last."""
+    """Each parameter with another value in every recording: one number for all but the last."""
     assert h.slopes is not None
     own = groups(h.experiments)
     if len(own) < FEWEST_RUNS or any(e.shares for e in h.experiments):
@@ -294,7 +294,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
 
 
 def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
-    """What a change gains in stretches of the recordings, as the slopes foretell it."""
+    """Gain of a change by stretches of the recordings, as the slopes predict it."""
     assert h.slopes is not None
     p = h.x.size
     blocks = np.zeros((share.size, p + 1, p + 1))
@@ -320,7 +320,7 @@ def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
 
 
 def share_at(suspect: Suspect, tick: float, end: float) -> float:
-    """Return how much of a change over time holds at a tick of all recordings."""
+    """Return the share of a change over time that holds at a tick of all recordings."""
     if suspect.shape == STEP:
         return float(tick < suspect.at)
     if suspect.shape == RUN:
@@ -329,9 +329,10 @@ def share_at(suspect: Suspect, tick: float, end: float) -> float:
 
 
 def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> float:
-    """Return how much of a change holds in a part that begins at a tick of all recordings.
+    """Return the share of a change that holds in a part that begins at a tick of all recordings.
 
-    In the middle of what counts, once an observer has settled; of what follows the mean.
+    In the middle of the samples that count, once an observer has settled; the mean of a recorded
+    quantity.
     """
     if suspect.covariate is not None:
         return float(suspect.covariate.share(part)[min(SETTLING, part.ticks // 2) :].mean())
@@ -341,9 +342,9 @@ def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> f
 def cut(
     experiments: Sequence[Experiment], suspect: Suspect, names: Sequence[str]
 ) -> list[Experiment]:
-    """Return recordings in parts in each of which a change holds as much as in all of it.
+    """Return recordings in parts in each of which the share of a change is constant.
 
-    names: of the change, or of all changes where every recording has its own.
+    names: of the change, or of all changes if every recording has its own.
     """
     if suspect.shape == EACH:
         return _each_its_own(experiments, names)
@@ -383,10 +384,10 @@ def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class Varied:
-    """A change that was fitted, and how it was asked for.
+    """A fitted change, and how it was sought.
 
     hypothesis: with it, on recordings in parts; without: the same parts without. names: of the
-    change, of several where every recording has its own.
+    change, of several if every recording has its own.
     """
 
     suspect: Suspect
@@ -396,12 +397,12 @@ class Varied:
 
     @property
     def gained(self) -> float:
-        """In -2 ln, all paid."""
+        """In -2 ln, less all penalties."""
         return self.without.cost.total - self.hypothesis.cost.total
 
 
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
-    """Fit a change that is suspected; None where it is not believed. Raises NoObserver."""
+    """Fit a suspected change; None if it is not believed. Raises NoObserver."""
     first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
     names = tuple(f"change {first + i}" for i in range(len(amounts)))
     parts = cut(h.experiments, suspect, names)
@@ -437,7 +438,7 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
 def _dated(
     experiments: Sequence[Experiment], h: Hypothesis, suspect: Suspect
 ) -> tuple[float, tuple[float, float]]:
-    """Return when a step is, and the 95 % interval, in ticks of all recordings.
+    """Return the time of a step, and its 95 % interval, in ticks of all recordings.
 
     h: with the step, fitted to the recordings in their parts.
     """
@@ -466,7 +467,7 @@ def _dated(
 
 
 def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop: int) -> Floats:
-    """What a recording costs (ticks,) until a tick where a step is at each of some."""
+    """The cost of a recording (ticks,) with a step at each of some ticks."""
     model, x, observer = h.model, h.x, h.noise.observer
     device = model.acting(x)
     held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
@@ -498,7 +499,7 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
 
 
 def with_varying(h: Hypothesis, model: Model, parts: Sequence[Experiment]) -> Hypothesis:
-    """Return a rival of a hypothesis that varies, fitted anew to the same parts."""
+    """Return a rival of a hypothesis with a change, fitted again to the same parts."""
     own = replace(h.model, varying=model.varying)
     more = len(own.parameters) - h.x.size
     return settled(judged(parts, own, np.append(h.x, np.zeros(more)), h.family))
@@ -513,7 +514,7 @@ class Course(NamedTuple):
 
 
 def course(h: Hypothesis, index: int) -> Course:
-    """Return a parameter as each window of the recordings tells it by itself, to first order.
+    """Return a parameter in each window of the recordings by itself, to first order.
 
     All others are the same everywhere. h: fitted, with the parameter the same everywhere as well.
     """

@@ -1,28 +1,28 @@
-"""A law of no name, learned: a table over one state at one place, fitted like any effect.
+"""A learned law without a name: a table over one state at one place, fitted like any effect.
 
-Where no name is adequate, what is missing is let in as a table of points (`sim/physics/free_law`):
-over position or velocity at each mass, over what each link gives way, over the command, over what
-the sensor reads, and over one turn of what a ripple repeats by. Where such a table gains most is
-told to first order (`where`). The best are fitted to their end, observer and linear parameters with
-them, and cost what every hypothesis costs; of those that stay with twice as many points as well,
-and as what repeats (`repeating`).
+If no effect of the library is adequate, the missing law is represented by a table of points
+(`sim/physics/free_law`): over position or velocity at each mass, over the deflection of each link,
+over the command, over the reading of the sensor, and over one period of what repeats. A fit of few
+rounds shows where such a table gains most (`where`). The best are fitted to the end, together with
+observer and linear parameters, and cost what every hypothesis costs. Those that remain are also
+fitted with twice as many points, and as periodic laws (`repeating`).
 
-Names come first, and under a law that none of them is they take what they can of it: friction the
-step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
-each with all of its points; and of the names beside it each is asked, by the one criterion of
-`selection.evidence`, whether it is believed over its absence now that the table may take its part.
-What is not goes: it was part of the curve. So does a change of a parameter that the law explains as
-well. Then the table keeps the points that pay (`knots`). What follows the same state at the same
-place still, is one law with it for whoever reads it (`together`): the curve of both is known better
-than either.
+Named effects are found first. If none of them is the true law, they imitate what they can of it:
+friction imitates the step of a piecewise line. So the table is fitted beside the names and in place
+of all of them, each with all of its points. Each name beside it is then tested, by the one
+criterion of `selection.evidence`: is it believed over its absence, now that the table may take its
+part? A name that is not is removed; it was part of the curve. So is a change of a parameter that
+the law explains as well. Then the table keeps the points that pay (`knots`). Named effects that
+still follow the same state at the same place are reported with the law as one curve (`together`),
+which is known better than either.
 
-The band of a curve is what the fit does not know of its points, and what a curve through so few
-points cannot be (`tables.left_out`).
+The band of a curve includes the uncertainty of its points, and the error of a curve through so few
+points (`tables.left_out`).
 
-Limits: one state at one place; a law of two is found as far as one shows it, and then asked for
-(`surfaces`). What is steep near rest no table holds, and friction stays a name. The straight part
-of a table of velocity is a damper, that of a table of position a spring: what of it is which, only
-the device file says.
+Limits: one state at one place. A law of two states is seen as far as one state shows it, and is
+then sought (`surfaces`). No table represents a steep part near rest, so friction stays a named
+effect. The straight part of a table over velocity is a damper, that of a table over position a
+spring; only the device file determines how the sum is divided.
 """
 
 import math
@@ -79,15 +79,15 @@ STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  #
 
 @dataclass(frozen=True)
 class Learned:
-    """A law that was learned, with what it is beside the names.
+    """A learned law, and its relation to the named effects.
 
-    states, forces, lower, upper (points,): the curve and its 95 % band, from the point that is held
-    where a constant is another origin; covariance (points, points) of the forces. seen (samples,):
-    the states that were visited. names: that stay beside it; absorbed: that were part of the curve,
-    as it turned out; replaced: these, and all others that are not needed beside it. together: the
-    curve with the names that follow the same state there, None where none does. one_way: whether it
-    is held to rise or fall.
-    gained: over the names alone, in -2 ln, all paid.
+    states, forces, lower, upper (points,): the curve and its 95 % band, relative to the point that
+    is held if a constant is equivalent to another origin; covariance (points, points) of the
+    forces. seen (samples,): the states that were visited. names: effects that stay beside it;
+    absorbed: those that turned out to be part of the curve; replaced: these, and all others that
+    are not needed beside it. together: the curve plus the named effects that follow the same state
+    there, None if none do. one_way: whether it is constrained to rise or fall. gained: over the
+    named effects alone, decrease of -2 ln likelihood, less all penalties.
     """
 
     physics: Physics
@@ -111,7 +111,7 @@ class Learned:
 
     @property
     def period(self) -> float:
-        """Of a law that repeats; 0 for none."""
+        """Period of a periodic law; 0 for none."""
         return self.physics.values["period"]
 
     @property
@@ -121,7 +121,7 @@ class Learned:
         return self.period == 0.0 and bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
 
     def named_at(self, states: Floats) -> Floats:
-        """Return what the names that follow its state at its place give at states (points,)."""
+        """Return the sum of the named effects that follow its state at its place (points,)."""
         h = self.hypothesis
         given = [
             along(p, self.physics.effect.name, states)
@@ -132,11 +132,11 @@ class Learned:
 
     @property
     def over(self) -> str:
-        """What the law follows, in words."""
+        """The state that the law depends on, in words."""
         link = self.physics.place.kind == "link"
         name = self.physics.effect.name
         if name == "free_spring":
-            return "what the link gives way" if link else "position"
+            return "deflection of the link" if link else "position"
         return {"free_damper": "rate of the link" if link else "velocity"}.get(name, "command")
 
 
@@ -145,12 +145,12 @@ Hopeful = Callable[[Hypothesis], bool]
 
 
 def always(_: Hypothesis) -> bool:
-    """Whatever a table does for free runs."""
+    """Accepts a table whatever its free runs are."""
     return True
 
 
 def learn(found: Search, say: Say) -> Learned | None:
-    """Return the law of no name that costs least of those believed over the names, or None."""
+    """Return the cheapest learned law that is believed over the named effects, or None."""
     return next(laws(found, say), None)
 
 
@@ -158,8 +158,8 @@ def learn(found: Search, say: Say) -> Learned | None:
 class Table:
     """A law of many points beside a hypothesis, before it is fitted.
 
-    first: the tables that a fit begins from; begun: some rounds downhill from the first, where
-    these were made.
+    first: the tables that a fit begins from; begun: these after some rounds of the fit, if any were
+    made.
     """
 
     base: Hypothesis
@@ -168,13 +168,13 @@ class Table:
     begun: Hypothesis | None = None
 
     def after_some_rounds(self) -> Hypothesis | None:
-        """What it is some rounds downhill, which tells whether a law may be there."""
+        """The result of some rounds of a fit, which shows whether there may be a law."""
         if self.begun is not None:
             return self.begun
         return begun(self.base, *beside(self.base.model, self.base.x, self.site, self.first[0]))
 
     def fitted(self, say: Say) -> Hypothesis | None:
-        """What it is at the end of a fit; None where no observer follows."""
+        """The result of a complete fit; None if no observer follows."""
         site = self.site
         if self.begun is None:
             say(f"learning what repeats every {site.period:.3g} at {site.at}")
@@ -189,11 +189,12 @@ class Table:
 
 
 def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
-    """Return the laws of many points that are worth fitting beside what a hypothesis has.
+    """Return the laws of many points that are worth fitting beside a hypothesis.
 
-    Over the states that its names follow, where each acts: what a name leaves of its own shape.
-    After a few rounds downhill such a table runs freer where a law is, and not where the names are
-    all there is: a small part of what it takes to learn one tells.
+    Over the states that the named effects follow, at their places: what a named effect does not fit
+    of its own shape. After a few rounds such a table improves free runs if there is a law, and does
+    not if the named effects are everything. This takes a small part of the time that learning a law
+    takes.
     """
     say("checking whether a learned curve would improve free runs")
     names = base.model.effects_at(base.x)
@@ -213,10 +214,10 @@ def _fits(tables: Iterable[Table], say: Say) -> Iterator[Begun]:
 
 
 def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:
-    """Yield laws that are believed over names of which they need two or more no longer.
+    """Yield laws that are believed over the named effects and make two or more of them unnecessary.
 
-    Each in the place of all names; beside them as well, and then of those that pay, where there are
-    so many that one may stay. hopeful: as of `laws`.
+    Each is fitted in place of all names; those that pay also beside the names, if one of these may
+    stay. hopeful: as in `laws`.
     """
     many = len(found.best.model.effects)
     if many < LAWS.stands_for:
@@ -232,11 +233,11 @@ def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Le
 
 
 def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
-    """Whether one of the names beside a law of what it leaves costs less than a law without it.
+    """Whether one of the names beside a law for the remainder costs less than a law without it.
 
-    Names come first: a cubic spring that is not quite cubic is one, and what it leaves is another
-    matter. Of a law that is in no library a name leaves as much to say as there was. Asked of names
-    that were fitted alone, as a search begins.
+    Names have precedence: a cubic spring that is not quite cubic is still one, and what it does not
+    fit is a separate matter. If a law is in no library, a named effect leaves as much unexplained
+    as there was. The names are tested as fitted alone, as at the start of a search.
     """
     h, law = curve.hypothesis, curve.physics
     for one in found.best.model.effects:
@@ -264,11 +265,11 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
 def laws(
     found: Search, say: Say, hopeful: Hopeful = always, tables: Sequence[Table] | None = None
 ) -> Iterator[Learned]:
-    """Yield laws of no name that are believed over the names, each of another place or state.
+    """Yield laws that are believed over the named effects, each at another place or state.
 
-    The order is that of what the points that pay promise. hopeful: whether a table of all its
-    points is worth the search for those that pay, which takes some twenty fits. tables: those that
-    are asked; without, all beside the names, and all in their place.
+    In the order of the gain that the points that pay promise. hopeful: whether a table of all its
+    points is worth the search for those that pay, which takes about twenty fits. tables: those that
+    are tried; without, all beside the names, and all in their place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     if tables is None:
@@ -281,7 +282,7 @@ def laws(
 def _believed_laws(
     found: Search, fitted: Iterable[Begun], say: Say, hopeful: Hopeful
 ) -> Iterator[Learned]:
-    """The same of laws of many points that were fitted."""
+    """The same for laws of many points that were fitted."""
     least = min((found.best, found.plain), key=lambda h: h.cost.total)
     every: dict[tuple[str, str, float], list[Begun]] = {}
     for h, site in fitted:
@@ -318,12 +319,12 @@ def _costs(begun: Begun) -> float:
 
 
 def _promise(begun: Sequence[Begun]) -> float:
-    """What the cheapest of some laws would cost of the points that pay."""
+    """The cost of the cheapest of some laws with only the points that pay."""
     return min(h.cost.total - spared(h, site.states) for h, site in begun)
 
 
 def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
-    """Whether a straight line does as well in a law's place, which is then none."""
+    """Whether a straight line does as well in place of a law, which is then dropped."""
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
@@ -332,22 +333,22 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
 
 
 def _over_states(base: Hypothesis, asked: Callable[[str, str], bool] = anywhere) -> Iterator[Table]:
-    """Yield laws of many points beside what a hypothesis has, where they would gain most."""
+    """Yield laws of many points beside a hypothesis, where they would gain most."""
     where = partial(sites, base, ASKED, asked)
     for site, h in (None if base.slopes is None else attempt("learn", "where", where)) or ():
         yield Table(base, site, begun=h)
 
 
 def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
-    """Yield laws of one turn in the place of each ripple of a hypothesis, fitted."""
+    """Yield laws of one period in place of each ripple of a hypothesis, fitted."""
     yield from _fits(_over_turns(base), say)
 
 
 def _over_turns(base: Hypothesis) -> Iterator[Table]:
-    """Yield laws of one turn in the place of each ripple of a hypothesis.
+    """Yield laws of one period in place of each ripple of a hypothesis.
 
-    A ripple is one sine of what repeats; what repeats may have any shape. It begins as that sine,
-    and as nothing.
+    A ripple is one sine; what repeats may have any shape. The fit starts from that sine, and from
+    zero.
     """
     for i, p in enumerate(base.model.effects_at(base.x)):
         if base.slopes is None or p.effect.name != "force_ripple" or p.place.kind != "mass":
@@ -366,11 +367,11 @@ def _over_turns(base: Hypothesis) -> Iterator[Table]:
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
-    """The straight line that is nearest to the law that a hypothesis has last.
+    """The straight line nearest to the last law of a hypothesis.
 
-    A spring, a damper or a scale is that, and a constant force or an origin where it is beside
-    nothing. It begins where the law is: a law over the command may have taken most of its scale
-    away, in a valley that no fit reaches from nothing.
+    Such a law is only a spring, a damper or a scale, with a constant force or an origin. Its fit
+    starts at this line and not at zero: a law over the command may have taken over most of the
+    scale, and no fit from zero returns from there.
     """
     force = law_at(h.model.effects_at(h.x)[-1], site.states)
     offset, slope = np.polynomial.polynomial.polyfit(site.states, force, 1)
@@ -381,9 +382,9 @@ def _line(h: Hypothesis, site: Site) -> Physics:
 def _fitted(
     base: Hypothesis, site: Site, law: Physics, x: Floats | None = None
 ) -> Hypothesis | None:
-    """A law beside what a hypothesis has, fitted; None where no observer follows.
+    """A law added to a hypothesis, fitted; None if no observer follows.
 
-    x: where its other parameters begin, those of the hypothesis without.
+    x: where its other parameters start, those of the hypothesis without it.
     """
     model, start = beside(base.model, base.x if x is None else x, site, law)
     try:
@@ -394,13 +395,13 @@ def _fitted(
 
 
 def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
-    """Another law in the place of the one that a hypothesis has last, fitted."""
+    """Another law in place of the last one of a hypothesis, fitted."""
     model, own = h.model.less(h.x, len(h.model.effects) - 1)
     return _fitted(replace(h, model=model, x=own), site, law, own)
 
 
 def without_names(found: Search, h: Hypothesis) -> Hypothesis:
-    """The same without names that are not believed over their absence, one after the other."""
+    """The same without effects that are not believed over their absence, one after the other."""
     while len(h.model.effects) > 1:
         fewer: list[Hypothesis] = []
         for i in range(len(h.model.effects) - 1):
@@ -415,10 +416,10 @@ def without_names(found: Search, h: Hypothesis) -> Hypothesis:
 
 
 def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
-    """The same with those names in the curve that follow its state and are not believed beside it.
+    """The same with those effects merged into the curve that are not believed beside it.
 
-    Beside a table of all its points a name may pay for itself by making them smaller, and not any
-    more beside those that pay: so the curve that has its part is given its own points.
+    Beside a table with all its points, a name may pay for itself by making them smaller, and no
+    longer beside those that pay. So a curve that has absorbed a name is given points of its own.
     """
     for i, p in reversed(list(enumerate(h.model.effects_at(h.x)[:-1]))):
         if not follows(p, site.effect, h.model.effects[-1].place) or site.period > 0.0:
@@ -439,17 +440,17 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 
 
 def _alone(found: Search, h: Hypothesis, site: Site, phi: float) -> Hypothesis:
-    """The same without names that its own points have made needless.
+    """The same without effects that its own points have made unnecessary.
 
-    Beside a table too coarse for a law a name pays for what the table cannot hold, whatever state
-    it follows: a corner over velocity looks like a gain that differs by direction.
+    Beside a table that is too coarse for a law, a name pays for what the table cannot represent,
+    whichever state it follows: a corner over velocity looks like a gain that differs by direction.
     """
     fewer = without_names(found, h)
     return h if fewer is h else _refined(fewer, site, phi)
 
 
 def _finer(h: Hypothesis, site: Site) -> Hypothesis:
-    """The same with a point between each two, where those of them that pay are believed."""
+    """The same with a point between each two, if those of them that pay are believed."""
     law = h.model.effects_at(h.x)[-1]
     s = np.array(points_of(law.values))[:, 0]
     ends = np.append(s, s[0] + site.period) if site.period > 0.0 else s
@@ -466,7 +467,7 @@ def _finer(h: Hypothesis, site: Site) -> Hypothesis:
 
 
 def _without_changes(h: Hypothesis) -> Hypothesis:
-    """The same with nothing that changes, where that is not believed over staying the same."""
+    """The same without the changes that are not believed over constancy."""
     if not h.model.varies:
         return h
     model, x = h.model.constant(h.x)
@@ -478,7 +479,7 @@ def _without_changes(h: Hypothesis) -> Hypothesis:
 
 
 def _turning(h: Hypothesis, site: Site) -> Begun:
-    """The same as what repeats, where one turn with the points that pay costs less."""
+    """The same as a periodic law, if one period with the points that pay costs less."""
     best = h, site
     for law, scale in turns_of(h):
         there = replace(site, period=law.values["period"], scale=scale)
@@ -493,11 +494,11 @@ def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 
 
 def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
-    """The same law over the position of a mass on a spring, as the device file counts positions.
+    """The same law over the position of a mass on a spring, with the device file's origin.
 
-    Over q = y - d, d another origin, k the spring: -k q + f(q) = -k y + (f(y - d) + k d), so that
-    the curve moves by d with a constant k d, and nothing tells which is so. Limits: of the first
-    mass, with nothing beside the law that may follow a position.
+    With q = y - d, d another origin and k the spring, -k q + f(q) = -k y + (f(y - d) + k d). So the
+    curve shifted by d with a constant k d is equivalent, and the data do not decide. Limits: for
+    the first mass, if nothing else depends on a position.
     """
     law, swings = h.model.effects_at(h.x)[-1], {e.swing for e in h.experiments}
     k = h.model.build(h.x).chain.ground_spring
@@ -517,14 +518,14 @@ def from_nothing(model: Model, x: Floats) -> Floats:
 
 
 def said_as(h: Hypothesis, model: Model, x: Floats) -> Hypothesis:
-    """Return a hypothesis as a model at x that does the same; as it is where that does not."""
+    """Return a hypothesis as an equivalent model at x, or as it is if that is not equivalent."""
     near = h.family.near(h.ratio)
     other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
     return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
 
 
 def _shaped(h: Hypothesis, phi: float, site: Site) -> Hypothesis:
-    """The same law with the points that pay, odd where that is likelier."""
+    """The same law with the points that pay, odd if that is likelier."""
     best = h
     for shape in shapes(h, site.states, phi):
         other = _in_its_place(h, site, shape.law)
@@ -534,7 +535,7 @@ def _shaped(h: Hypothesis, phi: float, site: Site) -> Hypothesis:
 
 
 def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
-    """Return a hypothesis whose last effect is a law, beside what it is held against."""
+    """Return the last law of a hypothesis as an answer, and the hypotheses it is compared with."""
     law = h.model.effects_at(h.x)[-1]
     seen = states_of(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
     count = len(points_of(law.values))
@@ -570,10 +571,10 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
 def _spread(
     h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats, s: Floats
 ) -> Floats:
-    """Covariance (points, points) of what is free of a law, at states s (points,).
+    """Covariance (points, points) of the free part of a law, at states s (points,).
 
-    A law u + f(u) over the command is known but for a scale c, c u + c f(u) = u + g(u): its bends
-    are said for the m1 that was fitted, and what c adds to it is a straight line.
+    A law u + f(u) over the command is known up to a scale c, since c u + c f(u) = u + g(u). Its
+    shape is given for the m1 that was fitted; c adds only a straight line to it.
     """
     told = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
     if site.effect != "free_amplifier":
@@ -584,7 +585,7 @@ def _spread(
 
 
 def _together(h: Hypothesis, law: Physics, seen: Floats) -> Together | None:
-    """What a table and the names that follow its state at its place give together."""
+    """The sum of a table and the named effects that follow its state at its place."""
     at = points_over(seen, LAWS.points, False)
     if at is None or law.values["period"] > 0.0:
         return None

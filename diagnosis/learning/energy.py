@@ -1,10 +1,10 @@
 """Does a learned law generate energy? Its force times the velocity where it acts.
 
-A force over a velocity feeds the motion where f(v) v > 0. What of it is straight is its place's
-damper b as well as its own, so that what is asked is of both, f(v) - b v, with what has a name
-beside it. A force over a position, or over what a link gives way, is the slope of an energy: round
-any closed path it makes none. What enters by the command or the reading is the drive's doing, which
-is no part that could be passive.
+A force over velocity feeds the motion where f(v) v > 0. Its straight part cannot be distinguished
+from the damper b at its place, so the question is asked of both, f(v) - b v, with the named effects
+beside it. A force over position, or over the deflection of a link, is the slope of an energy, and
+generates none round any closed path. What enters through the command or the reading belongs to the
+drive, which need not be passive.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ LITTLE = 1e-3  # of the largest power, below which none is made
 
 
 def makes_energy(curve: Learned, rotary: bool) -> str:
-    """Say whether a law ever makes energy over the states that were seen."""
+    """Say whether a law ever generates energy over the states that were seen."""
     match curve.physics.effect.name:
         case "free_spring":
             return "it depends on position alone, so it generates no energy over a closed path"
@@ -50,7 +50,7 @@ def _fed(curve: Learned, rotary: bool) -> str:
 
 
 def powers(curve: Learned, v: Floats) -> Floats:
-    """Return what a law, its place's damper and the names beside it feed in at velocities (n,)."""
+    """Return the power of a law, its damper and the effects beside it at velocities (n,)."""
     h, place = curve.hypothesis, curve.physics.place
     chain = h.model.build(h.x).chain
     dampers = chain.link_dampers if place.kind == "link" else chain.ground_dampers

@@ -1,33 +1,32 @@
 """When the force of an event begins and ends, by the likelihood of each possible time.
 
-A force that may have any shape may also be as small as it likes for as long as it likes, so that
-when it begins is a question of how its shape is described. Here it is a polyline over [b, e), with
-values at b, at e and at knots between, and nothing before b and from e on: it may set in at once (a
-jam, a stop) or rise from nothing (a hand). About the force f that was fitted the whitened
-innovations r of its window are r + S (g - f) for a force g at each tick, S their slopes through
-what sticks and gives way. So with G = S'S and p = S' (S f - r) a polyline B c of values c has
+A force of free shape may also be arbitrarily small for arbitrarily long, so its beginning depends
+on how its shape is described. Here it is a polyline over [b, e) with values at b, at e and at knots
+between, and zero elsewhere: it may start suddenly (a jam, a stop) or rise from zero (a hand). Near
+the fitted force f, a force g at each tick gives the whitened innovations r + S (g - f) in its
+window, where S are the slopes through sticking and slipping. With G = S'S and p = S' (S f - r), a
+polyline B c with values c has
 
     |r|^2 = const - p'B (B'G B)^-1 B'p
 
-at its best, and costs what every hypothesis costs: that over its overdispersion w, and ln det A +
-2 sum ln range - k ln 2 pi for its values, anywhere within the largest of them to both sides, and
-for where its m knots stand, anywhere in the window, less 2 ln m! since none of them is the first.
-Knots are added and taken away while that pays, at every b and e anew. Of b (e at its best) the
-times that cost less than 7.35 more than the best are the interval: of a force that sets in at
-once -2 ln of the likelihood ratio falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen,
-Econometrica 68, 2000); of one that rises from nothing it is a chi-square of one, which is less. A
-force acts all through a tick, and what costs as much lies between the last tick that does not and
-its neighbour, so that an interval reaches a tick beyond.
+at its best. Its cost, as of every hypothesis, is that divided by its overdispersion w, plus ln det
+A + 2 sum ln range - k ln 2 pi for its values, each uniform within the largest of them to both
+sides, plus the same for the places of its m knots in the window, less 2 ln m! since their order has
+no meaning. Knots are added and removed while that pays, for every b and e anew. The interval of b
+(with e at its best) contains the times that cost at most 7.35 more than the best: for a force that
+starts suddenly, -2 ln of the likelihood ratio is distributed as xi, P(xi <= z) = (1 - exp(-z /
+2))^2 (Hansen, Econometrica 68, 2000); for one that rises from zero it is a chi-square of one degree
+of freedom, which is less. A force acts during a whole tick, so an interval is extended by one tick.
 
-w is that of the recording, or that of the window under the best polyline where it is more: what no
-polyline follows is then no knowledge of times.
+w is that of the recording, or that of the window under the best polyline if it is larger: an error
+that no polyline describes must not sharpen the times.
 
-What lasts long is first sought in bins of several ticks each, and its edges then to a tick, in bins
-of one tick about them. The best polyline is also the force that is said of what lasts: hats at
-fixed places overshoot beside a force that sets in at once.
+A long event is first sought in bins of several ticks each, and its edges then to a tick, in bins of
+one tick near them. The best polyline is also the force that is reported for a long event, since
+hats at fixed places overshoot beside a sudden start.
 
-Limits: of several pulses the first begins and the last ends, all in one polyline. A jam that holds
-a mass that friction held already begins when that is seen.
+Limits: of several pulses the first begins and the last ends the event, all in one polyline. A jam
+that holds a mass which friction held already begins only when it shows.
 """
 
 import math
@@ -63,10 +62,10 @@ Edge = tuple[float, float, float]  # first, likeliest, last
 
 @dataclass
 class Polylines:
-    """What polylines cost, by G (bins, bins) and p of the bins of ticks that they may stand in.
+    """The cost of polylines, from G (bins, bins) and p of the bins of ticks of their window.
 
     rest: the constant; rows: of r; wide: overdispersion; at (bins + 1,): where bins begin and end,
-    in ticks, each of one tick where nothing is given; costs and inner knots: by both ends, in bins.
+    in ticks, of one tick each by default; costs and inner knots: by both ends, in bins.
     """
 
     squares: Floats
@@ -118,7 +117,7 @@ class Polylines:
         return self.solved(begins, ends, knots)
 
     def cost(self, begins: int, ends: int) -> float:
-        """What the best polyline from a bin to another costs."""
+        """The cost of the best polyline from one bin to another."""
         key = begins, ends
         if key not in self.costs:
             inner = tuple(k for k in self.knots if begins < k < ends)
@@ -126,7 +125,7 @@ class Polylines:
         return self.costs[key][0]
 
     def _improved(self, begins: int, ends: int, inner: Knots) -> tuple[float, Knots]:
-        """Knots added and taken away while that pays."""
+        """Add and remove knots while that pays."""
         even = np.linspace(begins, ends, PLACES + 1).round().astype(np.int64).tolist()
         near = [begins + d for d in NEAR] + [ends - d for d in NEAR]
         places = sorted({k for k in (*even, *near, *self.knots) if begins < k < ends})
@@ -166,7 +165,7 @@ class Polylines:
 
 
 class Polyline(NamedTuple):
-    """|r|^2 with its best values at its knots; ticks that it stands in, what a value adds there."""
+    """|r|^2 with the best values at its knots; its ticks, and the effect of one more value."""
 
     chi2: float
     values: Floats
@@ -176,7 +175,7 @@ class Polyline(NamedTuple):
 
     @property
     def by_knots(self) -> Floats:
-        """What moving each inner knot by a tick adds (knots, ticks)."""
+        """The change by moving each inner knot by a tick (knots, ticks)."""
         if self.knots.size <= 2:
             return np.zeros((0, self.own.size))
         slopes = np.diff(self.values) / np.diff(self.knots)
@@ -187,8 +186,8 @@ class Polyline(NamedTuple):
 def edges(h: Hypothesis, one: Happened) -> tuple[Edge, Edge, Happened]:
     """Return when a force begins and ends, in ticks from its first, with 95 % intervals.
 
-    And the event with the force that is likeliest then, where it lasts. h: judged on recordings
-    that know of all other events, and not of this one.
+    Also the event with the force that is likeliest for these edges, if it is a long one. h: fitted
+    with knowledge of all other events, and not of this one.
     """
     beside = max(8, (one.last - one.first) // 3)
     ticks = h.experiments[one.recording].ticks
@@ -224,7 +223,7 @@ def _bin(at: NDArray[np.int64], tick: int) -> int:
 
 
 def _of_polyline(one: Happened, lines: Polylines) -> Happened:
-    """The event with the best polyline for its force, its covariance for known edges."""
+    """The event with the best polyline for its force, and its covariance for known edges."""
     line = lines.best()
     there = np.arange(math.floor(line.knots[0]), math.ceil(line.knots[-1])) + HALF
     first, last = min(one.first, int(line.knots[0])), max(one.last, int(line.knots[-1]))
@@ -291,9 +290,9 @@ def _evenly(low: int, high: int) -> list[int]:
 def _sought(
     cost: Callable[[int], float], begin: Sequence[int], low: int, high: int
 ) -> tuple[int, tuple[int, int]]:
-    """Return the tick of the least cost, and the first and last that cost less than 7.35 more.
+    """Return the tick of least cost, and the first and last that cost less than 7.35 more.
 
-    Gaps beside these are halved until they are closed. begin: ticks that are asked first.
+    Gaps beside these are halved until they are closed. begin: ticks that are tried first.
     """
     known = {k: cost(k) for k in sorted(set(begin)) if low <= k <= high}
     while True:
@@ -308,7 +307,7 @@ def _sought(
 
 
 def _halved(known: Mapping[int, float], end: int, way: int, low: int, high: int) -> int | None:
-    """The middle of the gap that one tick has on one side, None where it is closed."""
+    """The middle of the gap beside a tick on one side, None if there is no gap."""
     beyond = [k for k in known if (k - end) * way > 0]
     other = min(beyond, key=lambda k: abs(k - end), default=(low if way < 0 else high) + way)
     return (end + other) // 2 if abs(other - end) > 1 else None

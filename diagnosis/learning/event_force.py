@@ -1,21 +1,21 @@
 """The force of an event, tick by tick with its uncertainty, fitted through the simulation.
 
-An event is a force f(t) = sum_j f_j phi_j(t), phi_j each tick by itself about what is short, and
-hats over what lasts. The window about it is run through the kernel from the state that the observer
-has there, so that friction, play and limits do what they do under that force; Gauss and Newton's
-steps, damped, minimise
+An event is a force f(t) = sum_j f_j phi_j(t). For a short event phi_j is one tick each, for a long
+one they are hats. The kernel simulates the window around it from the observer's state, so that
+friction, play and limits act as they do under that force. Damped steps of Gauss and Newton minimise
 
     |r(f)|^2 + |f / size|^2,
 
-r the whitened innovations of the window and `size` far more than was seen, so that what sticks (no
-force shows there) has an answer. A slip is one number instead, of a reading or of the force in a
-spring, from its tick on; of several places and kinds the one is taken of which |r|^2, its numbers
-and twice ln(rows) for the time and size of each of its pulses are least.
+where r are the whitened innovations of the window and `size` is far more than was seen, so that the
+result is defined while a mass sticks (when no force shows). A slip is one number instead, of a
+reading or of the force in a spring, from its tick on. Of several places and kinds, the one is taken
+that minimises |r|^2 plus the penalty for its numbers plus twice ln(rows) for the time and size of
+each of its pulses.
 
-Its tick is sought by what one number there takes off, to first order: with s the slope of r by the
-number and r0 without it, |r0|^2 - (s'r0)^2 / s's. From the tick where that is least it is fitted,
-and at its neighbours as far as they date it as well or better. Limit: two ticks that both explain
-it, with worse ones between them, are dated as the one that is better to first order.
+Its tick is found by the reduction of |r|^2 by one number there, to first order: with s the slope of
+r by the number and r0 without it, |r0|^2 - (s'r0)^2 / s's. The fit is made at the tick of least
+value, and at its neighbours as long as they date it as well or better. Limit: if two ticks explain
+it equally well, with worse ones between them, the one that is better to first order is taken.
 """
 
 import math
@@ -51,7 +51,7 @@ ABOUT = 3  # ticks about its peak, in which a slip is dated
 
 
 class Pulse(NamedTuple):
-    """From which tick of a recording on, and for how many, a force is asked for."""
+    """The first tick of a force in a recording, and its length."""
 
     first: int
     ticks: int
@@ -70,9 +70,9 @@ class Pulse(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where something enters: a mass, a link, or an output's reading (its name, and which).
+    """Where an event enters: a mass, a link, or an output's reading (its name, and which).
 
-    lasting: from its time on for good, as what slips is.
+    lasting: permanent from its time on, as a slip is.
     """
 
     place: str
@@ -84,10 +84,10 @@ class Source:
 class Happened:
     """One event, in ticks of one of the recordings.
 
-    first, last: where it is looked at. force (last - first,) at each tick, [N m | N], or the one
-    amount of what lasts (of a reading [rad | m]); covariance of it. gain: chi-square. between: of
-    what lasts, ticks that date it as well. elsewhere: places that explain it as well. pulses: that
-    it was asked for.
+    first, last: the ticks of its window. force (last - first,) at each tick, [N m | N], or the one
+    amount of a permanent event (of a reading [rad | m]); covariance of it. gain: chi-square.
+    between: of a permanent event, ticks that date it as well. elsewhere: places that explain it as
+    well. pulses: number that was fitted.
     """
 
     recording: int
@@ -119,14 +119,14 @@ class Happened:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A description of an event that was fitted, and what it costs."""
+    """A fitted description of an event, and its cost."""
 
     happened: Happened
     cost: float
 
 
 class Window:
-    """A recording about an event, from the state that the observer has before it."""
+    """A recording around an event, from the state that the observer has before it."""
 
     def __init__(self, h: Hypothesis, recording: int, first: int, last: int) -> None:
         e = h.problem.experiments[recording]
@@ -146,7 +146,7 @@ class Window:
     def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
         """Return the whitened innovations of the window under a force (window,) along a row.
 
-        shift (window, o): what is taken off what was measured.
+        shift (window, o): what is subtracted from the measurement.
         """
         there = slice(self.begins, self.ends)
         forces = self.forces[there]
@@ -190,9 +190,9 @@ class Window:
 def fitted_event(
     h: Hypothesis, recording: int, pulses: Sequence[Pulse], source: Source | None = None
 ) -> Happened:
-    """Return an event of some pulses in a recording, as the cheapest description of it has it.
+    """Return the cheapest description of an event of some pulses in a recording.
 
-    h: judged on recordings that know of all others. source: where it enters, None for anywhere.
+    h: fitted with knowledge of all other events. source: where it enters, None for anywhere.
     """
     ticks = h.experiments[recording].ticks
     shapes = sorted({shape for pulse in pulses for shape in pulse.shapes})
@@ -267,7 +267,7 @@ def _force(
 def _slip(
     window: Window, recording: int, first: int, last: int, source: Source, wide: float
 ) -> _Tried | None:
-    """What sets in at one tick for good; None where it could not be seen."""
+    """A permanent event from one tick on; None if it could not be seen."""
     begins, outputs = window.begins, len(window.seen.outputs)
     ticks = range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT))
     if not ticks:
@@ -311,7 +311,7 @@ def _slip(
 
 
 class Solved(NamedTuple):
-    """f (k,) of the least squares, its covariance, the chi-square there and what it gained."""
+    """f (k,) of least squares, its covariance, the chi-square there and its gain."""
 
     f: Floats
     covariance: Floats
@@ -320,9 +320,9 @@ class Solved(NamedTuple):
 
 
 def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> Solved:
-    """Return the least squares from no force on.
+    """Return the least squares, starting without a force.
 
-    unknown: the residual of no force; unit (k,): as `slope_of` takes it.
+    unknown: the residual without a force; unit (k,): as in `slope_of`.
     """
     count, f, r = unit.size, np.zeros(unit.size), unknown
     start = least = float(r @ r)
@@ -358,10 +358,10 @@ def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> 
 def slope_of(
     moved: Callable[[float], Floats], unknown: Floats, unit: float = 1e-6
 ) -> tuple[float, Floats]:
-    """Return by how much a number moves the residual by about one, and its slope there.
+    """Return the step of a number that changes the residual by about one, and its slope there.
 
-    unit: from where on that is sought. Steps are as large as noise hides: what sticks under less
-    moves under them.
+    unit: the size at which the slope is computed. Steps are as large as the noise allows to be
+    hidden: a mass that sticks under smaller ones moves under these.
     """
     change = moved(unit) - unknown
     for _ in range(3):

@@ -1,36 +1,36 @@
 """Finds events that happen once in a recording, such as a push or a sensor slip, and when.
 
-A force a at a place from tick t on, for d ticks, that a model does not know leaves in its whitened
+A force a that a model does not contain, at a place from tick t on for d ticks, gives its whitened
 innovations
 
     r = a s(. - t) + e,    s_k = sum over i < d of h_(k-i),    e white,
 
-h the response of observer, device and whitening filter to one tick. With the matched filter g_t =
-sum_k h_k r_(t+k) and its running sum G, least squares over a gives for all t and d at once
+where h is the response of observer, device and whitening filter to a force of one tick. With the
+matched filter g_t = sum_k h_k r_(t+k) and its running sum G, least squares over a gives for all t
+and d at once
 
     a = (G_(t+d) - G_t) / |s|^2,    gain(t, d) = (G_(t+d) - G_t)^2 / |s|^2
 
-in chi-square, the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
-1976). A sensor that slips is the same with h the response to its reading. Residuals that are
-orthogonal to what parameters do gain more than this where the parameters move with it: it is a
-lower bound.
+in chi-square: the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
+1976). A slip of a sensor is the same, with h the response to its reading. If the parameters are
+fitted together with it, the gain is larger; so this is a lower bound.
 
-Chance. z = sqrt(gain) of every place and duration is measured in its own median over the
-recording, so that colour and missing physics, which raise it everywhere, raise no alarm. Of what
-is left the highest of each of n stretches is taken, and those over their median u lie beyond it
-by an exponential of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
-m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that was recorded,
+Chance. z = sqrt(gain) of every place and duration is divided by its own median over the recording,
+so that coloured noise and missing physics, which raise it everywhere, raise no alarm. The maximum
+of each of n stretches is then taken. Maxima above their median u exceed it by an exponentially
+distributed amount of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
+m = 2 for Gaussian noise). Chance exceeds a gain c somewhere in the recordings with
 
     P = n / 2 exp(-(c - u) / m),
 
-an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
-the largest mean excess over three thresholds, so that a recording in which such peaks are common
-has no events but a model that lacks something. That is asked before anything is fitted, too, with
-the `EVENTS.most` highest peaks set aside, which may be events and then are no chance.
+and an event is believed if P is less than `ALPHA` times the odds that something happens at all. m
+is the largest mean excess over three thresholds. A recording in which such peaks are common
+therefore has no events; its model lacks something. The same question is asked before any fit, with
+the `EVENTS.most` highest peaks excluded, since they may be events and not chance.
 
-Limits: at most `EVENTS.most` events; of those that last longer than 3 s or a fifth of the recording
-nothing is said. The answer h is that of the device without its nonlinear physics: it
-finds, and the kernel then fits (`learning.event_force`).
+Limits: at most `EVENTS.most` events; events that last longer than 3 s or a fifth of the recording
+are not found. The response h is that of the device without its nonlinear physics: it finds an
+event, and the kernel then fits it (`learning.event_force`).
 """
 
 import math
@@ -104,11 +104,11 @@ def happenings(
     h: Hypothesis,
     fit_on: FitOn,
 ) -> tuple[Happened, ...]:
-    """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
+    """Return the events of recordings according to a fitted hypothesis; in order of time.
 
-    recordings: whole, without forces of events; fit_on: gives what parameters are fitted to where
-    some events are known. They are fitted anew with each, since what happened has bent them. Raises
-    NoObserver where none follows.
+    recordings: whole, without forces of events; fit_on: gives the recordings of the fit with some
+    events known. Parameters are fitted again with each event, since it has distorted them. Raises
+    NoObserver if there is none.
     """
     found: list[Happened] = []
     for _ in range(TURNS):
@@ -132,21 +132,21 @@ def happenings(
 
 
 def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
-    """Return the highest peak of all, None where chance reaches it: nothing is fitted yet.
+    """Return the highest peak of all, None if chance reaches it; before any fit.
 
-    Under the likeliest noise of all recordings, which takes some of what happens for its own: what
-    still stands out of it does. Raises NoObserver where the recordings cannot be followed.
+    With the likeliest noise of all recordings, which includes part of an event; what still exceeds
+    it is one. Raises NoObserver if the recordings cannot be followed.
     """
     peak, chance = _searched(judged(recordings, h.model, h.x), (), EVENTS.most)
     return peak if peak is not None and peak.gain > chance.most else None
 
 
 def set_apart(h: Hypothesis) -> list[Experiment] | None:
-    """Return a hypothesis's recordings without what stands out most of chance; None where nothing.
+    """Return a hypothesis's recordings without the most improbable peak; None if there is none.
 
-    Under its own noise, or under a slower one: where a force acts for long, the likeliest noise
-    takes it for disturbances. About a force the recording is cut, since under a device that lacks
-    physics it would hide some of that; a slip is taken off the reading, since it lasts.
+    With its own noise, or a slower one, since the likeliest noise takes a force that acts for long
+    for a disturbance. The recording is cut around a force, which would hide missing physics
+    otherwise; a slip is subtracted from the reading, since it is permanent.
     """
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
@@ -170,11 +170,11 @@ def set_apart(h: Hypothesis) -> list[Experiment] | None:
 def _agreed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> tuple[list[Happened], Hypothesis]:
-    """Events, parameters and noise fitted in turn, until neither gains.
+    """Fit events, parameters and noise in turn, until neither gains.
 
-    What is left of an event at parameters that it has bent looks like another, and noise that knows
-    nothing of an event takes its colour for its own: so each is fitted twice, first wherever it may
-    enter.
+    The remainder of an event, at parameters that it has distorted, looks like another event, and
+    noise that is fitted without the event includes it. So each is fitted twice, first wherever it
+    may enter.
     """
     before = math.inf
     for turn in range(TOGETHER):
@@ -195,10 +195,11 @@ def _agreed(
 def _believed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> list[Happened]:
-    """Those that stand out of what chance does where none of them is; the weakest is asked first.
+    """The events that exceed chance in recordings without them; the weakest is tested first.
 
-    One that goes is part of what chance does for the others. Beside others an event must stand out
-    where these alone are known and all is fitted to that, or it is what they have left.
+    An event that is dropped becomes part of the chance of the others. An event beside others must
+    be clear when only these are known and everything is fitted with them; otherwise it is a
+    remainder of them.
     """
     while found:
         _, chance = _searched(_judged(recordings, found, h), found)
@@ -220,9 +221,9 @@ def _believed(
 def _judged(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> Hypothesis:
-    """The hypothesis where events are known, under the noise that it has where it was fitted.
+    """The hypothesis with known events, with the noise of the fit.
 
-    What happens in recordings that it was not fitted to, or beside what was set apart, is no noise.
+    An event in held-out recordings, or in a part that was set apart, is not noise.
     """
     there = with_events(recordings, found)
     if not h.family.whitening:
@@ -231,7 +232,7 @@ def _judged(
 
 
 def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> list[Experiment]:
-    """Return recordings that know of events: their forces act, their slips are taken off."""
+    """Return recordings with their events: forces act, slips are subtracted."""
     known = list(recordings)
     for one in found:
         known[one.recording] = one.on(known[one.recording])
@@ -256,10 +257,10 @@ class _Answer(NamedTuple):
 def _searched(
     h: Hypothesis, known: Sequence[Happened], aside: int = 0
 ) -> tuple[Peak | None, Chance]:
-    """The highest of all peaks, and what chance reaches in stretches beside known events.
+    """The highest of all peaks, and the distribution of chance in stretches beside known events.
 
-    aside: so many of the highest peaks are no chance either, but may be events yet unknown. Where
-    laws are nonsmooth, what Gaussian noise would not reach must stand out among like states too.
+    aside: number of highest peaks to exclude, which may be unknown events. With nonsmooth laws, an
+    event must also exceed chance among like states.
     """
     white, answers = _in_ticks(h), _answers(h)
     peak, chance = _standing_out(h, white, answers, known, aside)
@@ -280,7 +281,7 @@ def _searched(
 
 
 def _in_ticks(h: Hypothesis) -> list[Floats]:
-    """The whitened innovations (ticks, o) of each recording, nothing where an observer settles."""
+    """The whitened innovations (ticks, o) of each recording, zero while an observer settles."""
     row, outputs = 0, h.noise.observer.deviation.size
     found: list[Floats] = []
     for e in h.experiments:
@@ -332,7 +333,7 @@ def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]])
 
 
 def _touching(first: int, last: int) -> slice:
-    """What something touches: its own ticks, and those that hold its pulses."""
+    """The ticks that an event touches: its own, and those that contain its pulses."""
     return slice(max(0, first - STRETCH), last + 2 * STRETCH)
 
 
@@ -341,7 +342,7 @@ def _touched(one: Happened) -> slice:
 
 
 def _stretches(gains: Floats) -> Floats:
-    """The highest gain of each stretch of which nothing was taken out."""
+    """The highest gain of each stretch of which nothing was removed."""
     starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
     every = np.array([gains[a : a + STRETCH].max() for a in starts])
     return every[np.isfinite(every)]
@@ -367,14 +368,14 @@ def _answers(h: Hypothesis) -> list[_Answer]:
 
 
 def _longest(e: Experiment) -> int:
-    """Ticks of the longest event that is asked for."""
+    """Ticks of the longest event that is sought."""
     return max(1, round(min(EVENTS.longest_s / e.period, EVENTS.longest_share * e.ticks)))
 
 
 def _gains(
     white: Floats, answers: Sequence[_Answer], e: Experiment
 ) -> tuple[Floats, list[tuple[Source, int]]]:
-    """The best gain of what begins at each tick (ticks,), in its own median; and what it is."""
+    """The best gain of an event that begins at each tick (ticks,), over its median; and which."""
     ticks, longest = white.shape[0], _longest(e)
     octaves = math.log2(longest)
     lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
@@ -398,7 +399,7 @@ def _gains(
 
 
 def _onset(white: Floats, h: Floats) -> Floats:
-    """The score (ticks,) of what sets in for good, by what it does in the first ticks."""
+    """The score (ticks,) of a permanent event, from its first ticks."""
     s, ticks = np.cumsum(h[:SEEN], axis=0), white.shape[0]
     pull = [fftconvolve(white[::-1, o], s[:, o])[:ticks][::-1] for o in range(s.shape[1])]
     return np.sum(pull, axis=0) / math.sqrt(max(float(np.sum(s**2)), 1e-300))

@@ -1,24 +1,24 @@
 """Finds a formula for a learned law: the simplest common form within its band.
 
-A law is known at its points with the covariance C of the fit, so a form g(s; theta) is as far from
-it as
+A law is known at its points with the covariance C of the fit, so the distance of a form g(s; theta)
+from it is
 
     d^2 = (f - g)' C^-1 (f - g),
 
-least over theta by weighted least squares. What else the fit cannot tell from the law is in C: of a
-table of velocity the straight part is the damper's as well, so that forms are told apart by what
-bends, and a form may have any straight part that C allows. A form costs d^2 + k ln m of its k
-numbers, m points; it is within the band where chance makes d^2 as large in one of a hundred fits.
-The cheapest is said, with those it cannot be told from (`close` in the settings); of those that
-cost the same (`even`: "not worth more than a bare mention", Kass & Raftery 1995) that of the fewest
-numbers, and of these the plainest, in the order of `FORMS`.
+minimised over theta by weighted least squares. C includes everything that the fit cannot
+distinguish from the law. For example, the straight part of a table over velocity is also the
+damper's, so forms are distinguished by their curvature, and may have any straight part that C
+allows. A form with k numbers costs d^2 + k ln m for m points. It is within the band if chance makes
+d^2 as large in one of a hundred fits. The form of least cost is reported, with those that cannot be
+distinguished from it (`close` in the settings). Of those of equal cost (`even`: "not worth more
+than a bare mention", Kass & Raftery 1995) it is the one with the fewest numbers, and of these the
+simplest, in the order of `FORMS`.
 
-The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
-arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; of what acts
-over a velocity together with a friction, frictions with a damper, a power, a saturation or a fall
-beside them; of what repeats, as many harmonics as it takes. Limits: a
-curve of some ten points tells few numbers; a form is a description over the range that was seen,
-and no law beyond it.
+The forms are those that engineers use: straight lines, powers, a drag of two powers, saturations
+(tanh, arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; over
+velocity and together with a friction, frictions with a damper, a power, a saturation or a fall
+beside them; for a periodic law, as many harmonics as necessary. Limits: a curve of ten points
+determines few numbers. A form describes the range that was seen, and is not a law beyond it.
 """
 
 import math
@@ -47,9 +47,9 @@ STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
 class Form:
     """A form: its law at states given the linear factors' columns, and how it is written.
 
-    columns(s, shape): what linear factors multiply, (points, factors); shape: numbers that are no
-    factors, over the range R of the states, from `starts`. rubs: with a step at rest, as only
-    friction has; turns: of what repeats, its `w` the period over 2 pi.
+    columns(s, shape): the factors of the linear numbers, (points, factors); shape: the nonlinear
+    numbers, over the range R of the states, from `starts`. rubs: has a step at rest, as only
+    friction has; turns: of a periodic law, `w` is the period over 2 pi.
     """
 
     name: str
@@ -252,11 +252,11 @@ def formulas(
     period: float = 0.0,
     rubs: bool = False,
 ) -> list[Formula]:
-    """Return what a law looks like, the likeliest first: that, and what it is not told from.
+    """Return the formulas near a law, the likeliest first, with those not distinguished from it.
 
     states, forces (points,): of the law, covariance (points, points) of the forces. odd: of |s|.
-    period: of one that repeats, which looks like harmonics; rubs: whether friction is part of it.
-    Empty where no form is within the band.
+    period: of a periodic law, whose forms are harmonics; rubs: whether friction is part of it.
+    Empty if no form is within the band.
     """
     if odd:  # nothing at nothing is known for certain, and says nothing
         states, forces, covariance = states[1:], forces[1:], covariance[1:, 1:]
@@ -286,7 +286,7 @@ def formulas(
 def _fitted(
     form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
 ) -> Formula | None:
-    """A form at its nearest to a law; None where the law has no more points than it has numbers."""
+    """A form at its nearest to a law; None if the law has too few points for its numbers."""
     count = len(form.factors) + (len(form.shape) if period == 0.0 else 0)
     if states.size <= count:
         return None
@@ -323,12 +323,12 @@ def _fitted(
 
 
 def _unit(name: str, reach: float) -> float:
-    """What a number of a shape is counted in: powers are numbers, all others are states."""
+    """The unit of a nonlinear number: powers are numbers, all others are states."""
     return 1.0 if name == "p" else reach
 
 
 def _limits(name: str, start: float, reach: float) -> tuple[float, float]:
-    """Bounds of a number of a shape: a power, a place, or a width, which keeps its sign."""
+    """Bounds of a nonlinear number: a power, a place, or a width, which keeps its sign."""
     if name == "p":
         return POWERS
     if name == "m":

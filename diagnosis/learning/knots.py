@@ -1,22 +1,23 @@
 """Chooses the number of points of a learned table, and whether it is odd or acts in one direction.
 
-A fit of a table of many points knows their forces f with the precision P, all else free: with A
-the information, P = A_ff - A_fo A_oo^-1 A_of. Any table of fewer numbers g at which f = B g (fewer
-points, an odd law, which is one of |s|) costs to second order
+A fit of a table of many points knows their forces f with the precision P, all else free: with the
+information A, P = A_ff - A_fo A_oo^-1 A_of. A table of fewer numbers g with f = B g (fewer points,
+or an odd law, which is one of |s|) costs to second order
 
     (f - B g)' P (f - B g) + ln det B'PB + 2 sum_k ln range_k - k ln 2 pi,    range_k ~ |g_k|,
 
-least over g, as `selection.evidence` prices every hypothesis. So the points that pay are told from
-one fit: they go one at a time, that which costs least by going, and what was cheapest is fitted.
+minimised over g, as `selection.evidence` rates every hypothesis. So one fit shows which points pay:
+points are removed one at a time, always the one that costs least, and the cheapest table is fitted.
 
-Where no hypothesis is true a likelihood is too sure of itself, by the phi of `evidence.compared`:
-P is then divided by it, and so is what a fit gains (`tempered`). A table of sixteen points
-otherwise follows what has nothing to do with its state.
+If no hypothesis is true, a likelihood is overconfident by the factor phi of `evidence.compared`. P
+is then divided by it, and so is the gain of a fit (`tempered`). Otherwise a table of sixteen points
+follows errors that have nothing to do with its state.
 
-A law that only rises, or only falls, has steps of one sign: its numbers are its first and its
-steps, as likely in every octave as all magnitudes are. Steps are smaller than levels, so such a law
-costs less where it holds, 2 sum ln |g_k| / |g_k - g_(k-1)|. What holds it to that is solved for in
-the same second order. Limit: not asked where a constant in the law is another origin.
+A law that only rises, or only falls, has steps of one sign: its numbers are its first value and its
+steps, which are as likely in every octave as all magnitudes are. Steps are smaller than levels, so
+such a law costs less where it is true, by 2 sum ln |g_k| / |g_k - g_(k-1)|. The constraint is
+applied in the same second order. Limit: it is not applied if a constant in the law is equivalent to
+another origin.
 """
 
 import math
@@ -44,9 +45,10 @@ JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of fo
 
 @dataclass(frozen=True)
 class Known:
-    """What a fit knows of the table that it has last: places in x, scales, forces, precision P.
+    """What a fit knows about its last table: indices in x, scales, forces, precision P.
 
-    held: whether one of its points is, as a constant is another origin; P is of differences then.
+    held: whether one of its points is fixed, because a constant is equivalent to another origin; P
+    is then of differences.
     """
 
     which: NDArray[np.int64]
@@ -59,9 +61,9 @@ class Known:
 
 
 def tempered(h: Hypothesis, phi: float) -> float:
-    """Return what a hypothesis costs where likelihoods are too sure by phi, in -2 ln.
+    """Return the cost of a hypothesis if likelihoods are overconfident by phi, in -2 ln.
 
-    Misfit and information, and so ln det A of all its parameters, are phi times less.
+    Misfit and information, and so ln det A of all its parameters, are divided by phi.
     """
     return h.cost.total - (1.0 - 1.0 / phi) * h.cost.misfit - h.x.size * math.log(phi)
 
@@ -74,9 +76,9 @@ def refined(
 ) -> Hypothesis:
     """Return a law with the points that pay, and with those between them that do, in turn.
 
-    Of points that stand where little happens some go, and their neighbours get nearer to where much
-    does: a corner, or a bump that is narrower than points were at first. pays: the law of those
-    that pay under some phi; finer: one of more points, the same where these are not believed.
+    Some points are removed where little happens, and their neighbours move towards where much does:
+    to a corner, or to a bump narrower than the original spacing. pays: the law of the points that
+    pay for some phi; finer: one of more points, or the same if these are not believed.
     """
     best = h = pays(h, phi)
     for _ in range(REFINED):
@@ -90,10 +92,10 @@ def refined(
 
 
 def known(h: Hypothesis, phi: float = 1.0) -> Known:
-    """Return what a fitted hypothesis knows of the forces of its last effect.
+    """Return what a fitted hypothesis knows about the forces of its last effect.
 
-    follows (others, forces): by how much the other parameters' x move with a force. phi: by how
-    much its likelihood is too sure.
+    follows (others, forces): how far the other parameters' x move with a force. phi: the factor by
+    which its likelihood is overconfident.
     """
     last = len(h.model.effects) - 1
     own = [
@@ -119,10 +121,10 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
 def precision_of(
     h: Hypothesis, which: NDArray[np.int64], scales: Floats, phi: float
 ) -> tuple[Floats, NDArray[np.int64], Floats]:
-    """Return the precision (numbers, numbers) of some parameters in their own units, all else free.
+    """Return the precision (numbers, numbers) of parameters in their own units, all else free.
 
-    which: their places in x, counted in scales. And the places of the others, and by how much each
-    of these moves with each number, (others, numbers).
+    which: their indices in x, in units of their scales. Also the indices of the others, and how far
+    each of these moves with each number, (others, numbers).
     """
     assert h.slopes is not None
     others = np.setdiff1d(np.arange(h.x.size), which)
@@ -136,7 +138,7 @@ def precision_of(
 
 
 def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, float]:
-    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and what they cost.
+    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and their cost.
 
     basis (numbers, fewer), target (numbers,) known with a precision (numbers, numbers).
     """
@@ -153,17 +155,17 @@ def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, f
 
 @dataclass(frozen=True)
 class Shape:
-    """A table of fewer numbers: its law, and what it costs beside others of the same fit."""
+    """A table of fewer numbers: its law, and its cost compared with others of the same fit."""
 
     law: Physics
     cost: float
 
 
 def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
-    """Return the cheapest table that is not odd and the cheapest that is, where there are such.
+    """Return the cheapest table that is not odd and the cheapest odd one, if there are any.
 
-    h: a fit whose last effect is a table of many points; seen (samples,): the states; phi: by how
-    much its likelihood is too sure.
+    h: a fit whose last effect is a table of many points; seen (samples,): the states; phi: the
+    factor by which its likelihood is overconfident.
     """
     law = h.model.effects_at(h.x)[-1]
     there, states = known(h, phi), np.array(points_of(law.values))[:, 0]
@@ -177,7 +179,7 @@ def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
 
 
 def spared(h: Hypothesis, seen: Floats) -> float:
-    """Return by how much less a hypothesis would cost of the points that pay; as `shapes`."""
+    """Return how much less a hypothesis would cost with the points that pay; as `shapes`."""
     law = h.model.effects_at(h.x)[-1]
     states = np.array(points_of(law.values))[:, 0]
     now = _priced(law, known(h), states, states, is_odd(law)).cost
@@ -199,7 +201,7 @@ def _fewer(law: Physics, there: Known, states: Floats, begin: Floats, odd: bool)
 
 
 class _Priced(NamedTuple):
-    """A table of numbers g (numbers,) at states (points,), and what it costs."""
+    """A table of numbers g (numbers,) at states (points,), and its cost."""
 
     at: Floats
     g: Floats
@@ -207,7 +209,7 @@ class _Priced(NamedTuple):
 
 
 def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> _Priced:
-    """A table with points at some states, as near to what is known as it can be."""
+    """A table with points at some states, as near as possible to the known one."""
     columns = basis(law, at, odd, states[int(is_odd(law)) :])
     free = np.arange(columns.shape[1])
     if there.held and not odd:
@@ -220,7 +222,7 @@ def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -
 
 
 def one_way(h: Hypothesis, phi: float = 1.0) -> Hypothesis:
-    """Return a hypothesis with its last table made to rise or fall only, where that costs less."""
+    """Return a hypothesis whose last table only rises or only falls, if that costs less."""
     law, there = h.model.effects_at(h.x)[-1], known(h, phi)
     if law.values["period"] > 0.0 or there.held:
         return h
@@ -256,13 +258,13 @@ def _steps(count: int) -> Floats:
 
 
 def _ranges(there: Known, g: Floats, rows: Floats) -> Floats:
-    """Ranges of numbers rows @ g, at least what is not known of them."""
+    """Ranges of numbers rows @ g, at least their uncertainty."""
     spread = rows @ np.linalg.pinv(there.precision, hermitian=True) @ rows.T
     return SWEEP * np.maximum(np.abs(rows @ g), np.sqrt(np.maximum(np.diag(spread), 1e-300)))
 
 
 def _nearest_one_way(there: Known, way: float, first: float | None) -> Floats:
-    """The forces that only rise (way 1) or fall (-1) nearest to what is known."""
+    """The forces that only rise (way 1) or fall (-1) and are nearest to the known ones."""
     count = there.forces.size
     sums = np.tril(np.ones((count, count)))  # forces from steps
     root = np.linalg.cholesky(there.precision).T

@@ -1,4 +1,4 @@
-"""A formula that was learned, kept as an effect of the user's own (`sim/physics/own.py`)."""
+"""A learned formula, saved as an effect of the user's own (`sim/physics/own.py`)."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,10 +20,10 @@ SECOND = "_2"  # after the names of the second formula of a law of two
 
 
 def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float], said: str) -> str:
-    """Return the file of an effect `name`, of a law of no name and the formula it looks like.
+    """Return the file of an effect `name`, from a learned law and its formula.
 
-    effect: the law's ("free_damper"); form, numbers: of the formula; said: where it is from.
-    Raises ValueError for a form that there is not.
+    effect: the law's ("free_damper"); form, numbers: of the formula; said: its origin. Raises
+    ValueError for an unknown form.
     """
     made = _length if effect == "free_sensor" else _force
     formula, parameters = _part(effect, form, numbers, made)
@@ -40,9 +40,9 @@ def law_of_two_text(
 ) -> str:
     """Return the file of an effect that is one formula over a state times one over another.
 
-    states: two of position, velocity and command; forms: form and numbers of each, the first of
-    which makes the force. shifts: the second is added to the first one's state instead. Raises
-    ValueError for a form that there is not.
+    states: two of position, velocity and command; forms: form and numbers of each, of which the
+    first gives the force. shifts: the second is added to the first one's state instead. Raises
+    ValueError for an unknown form.
     """
     makes = partial(_state, OF_STATE[states[0]]) if shifts else _number
     formulas: list[str] = []
@@ -86,7 +86,7 @@ def _text(
 def _part(
     effect: str, form: str, numbers: Mapping[str, float], made: Callable[[bool], str]
 ) -> tuple[str, dict[str, dict[str, object]]]:
-    """A formula over the state of a law, and its parameters. made: unit of what it makes."""
+    """A formula over the state of a law, and its parameters. made: unit of its value."""
     if form not in LAWS:
         raise ValueError(f"form is {form!r}; allowed is {', '.join(LAWS)}")
     own = next(f for f in FORMS if f.name == form)
@@ -132,7 +132,7 @@ def _state(effect: str, rotary: bool) -> str:
 
 
 def _unit(effect: str, power: int, rotary: bool, made: str) -> str:
-    """Unit of what makes `made` of a power of a law's state."""
+    """Unit of a factor that gives `made` times a power of a law's state."""
     length, force = _length(rotary), _force(rotary)
     if power == 0:
         return made

@@ -1,17 +1,17 @@
 """Finds whether a learned law is periodic in its state, and its period.
 
-A table of some thirty points holds few periods of what repeats; one turn of it holds them all. So
-of a law that was fitted with forces f at points s, of precision P, it is asked which period L makes
+A table of about thirty points covers few periods of a periodic law; one period of it covers them
+all. So for a fitted law with forces f at points s, of precision P, the period L is sought for which
 
     g(s) = c + d s + a sin(2 pi s / L) + b cos(2 pi s / L)
 
-nearest to f in (f - g)' P (f - g), over all L of which the range holds `WAVES` turns or more,
-down to twice the least distance of points. Where it holds half of what is not straight in f, tables
-of one turn begin there (the straight part is left to damper, spring or scale), their period free as
-well, and cost what every hypothesis costs.
+is nearest to f in (f - g)' P (f - g), over all L of which the range contains at least `WAVES`
+periods, down to twice the smallest distance of points. If it explains half of the part of f that is
+not straight, tables of one period start there (the straight part is left to damper, spring or
+scale), with a free period, and cost what every hypothesis costs.
 
-Limit: points further apart than half a turn leave several L that are alike, of which the nearest
-few are fitted.
+Limit: points that are further apart than half a period leave several equivalent L, of which the
+best few are fitted.
 """
 
 import math
@@ -36,9 +36,9 @@ QUARTER = 0.25  # of a turn over the range, by which a period's scale changes ho
 
 
 def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
-    """Return laws of one turn that are near the table that a fit has last, the nearest first.
+    """Return laws of one period near the last table of a fit, the nearest first.
 
-    Each with the scale of its period. Empty of a table that is odd, or repeats already.
+    Each with the scale of its period. Empty for a table that is odd, or periodic already.
     """
     law = h.model.effects_at(h.x)[-1]
     if is_odd(law) or law.values["period"] > 0.0:
@@ -66,7 +66,7 @@ def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
 
 
 def _sine(root: Floats, s: Floats, f: Floats, period: float) -> tuple[float, Floats]:
-    """How far the nearest sine of a period with a straight line is from a law, and its numbers."""
+    """Distance of a law from the nearest sine of a period plus a line, and its numbers."""
     angle = 2.0 * np.pi * s / period
     columns = root @ np.column_stack([np.ones_like(s), s, np.sin(angle), np.cos(angle)])
     numbers = np.asarray(np.linalg.lstsq(columns, root @ f, rcond=1e-12)[0], dtype=np.float64)

@@ -1,21 +1,21 @@
 """Scatter of the innovations by state of the device: at impacts it is larger.
 
-An observer of one gain takes innovations for equally large everywhere. Where a law is nonsmooth
-they are not: at an impact in a link with play, or where friction turns over, an error of the state
-that is a thousandth elsewhere decides on which side the device goes on. So the same observer reads
-what was recorded again with noise v_k of the innovations' own size added, and
+An observer of one gain assumes that innovations are equally large everywhere. With a nonsmooth law
+they are not: at an impact in a link with play, or at a reversal with friction, an error of the
+state that elsewhere changes a thousandth decides how the device continues. So the same observer is
+run again on the recording plus noise v_k of the innovations' own size, and
 
     s_t = mean over k and over `TICKS` about t of |r_t(y + v_k) - r_t(y)|^2
 
-says how much errors weigh at t; of a linear device that is the same at all times. Ticks of like s
-are one class (`CLASSES` of them, as many ticks in each), and the scale of its innovations is their
-own root mean square. Divided by it, they have the variance of 1 in every class: what stands out
-then does so among like states. Measured on two masses with play, read every 5 ms: 0.85 in 14 of 16
-classes, 1.3 and 1.8 in the two that are most sensitive, with the peaks of all false alarms in them.
+gives the sensitivity to errors at t; for a linear device it is constant. Ticks of similar s form
+one class (`CLASSES` classes of equal size), whose innovations are divided by their own root mean
+square. They then have variance 1 in every class, and an event stands out among similar states.
+Measured on two masses with play, read every 5 ms: 0.85 in 14 of 16 classes, 1.3 and 1.8 in the two
+most sensitive, which contained the peaks of all false alarms.
 
-Limits: what happened counts among its class, so that alone in it it can gain as many as the class
-has ticks and no more, which is far above what chance reaches; errors of laws that are no errors of
-state are seen as far as they fall in the same classes.
+Limits: an event counts in its class; alone in it, its gain is at most the number of ticks of the
+class, which is far above what chance reaches. Errors of laws, as opposed to errors of the state,
+are only covered if they fall in the same classes.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ SEED = 0
 def scatter_in_like_states(h: Hypothesis, apart: Sequence[NDArray[np.bool_]]) -> list[Floats]:
     """Return the scale of the whitened innovations of each recording (ticks, o), 1 on average.
 
-    apart (ticks,) of each: where something is known to have happened, which tells no scatter.
+    apart (ticks,) of each: known events, which are excluded here.
     """
     outputs, row = h.noise.observer.deviation.size, 0
     residual: list[Floats] = []
@@ -54,7 +54,7 @@ def scatter_in_like_states(h: Hypothesis, apart: Sequence[NDArray[np.bool_]]) ->
 
 
 def _sensitivity(h: Hypothesis) -> Floats:
-    """How much an error of what was read moves innovations, at each tick of all (samples, o)."""
+    """Sensitivity of the innovations to an error of the readings, at each tick (samples, o)."""
     random, device, observer = np.random.default_rng(SEED), h.model.acting(h.x), h.noise.observer
     found: list[Floats] = []
     for e in h.problem.experiments:

@@ -1,8 +1,8 @@
 """The force of a law in steady motion over one state, for comparison with other curves.
 
-What acts at a place over a velocity is the sum of all laws there that follow it: friction, a drag,
-a table. A dry force slides at its bound; a bristle that has bent to its end pulls by its level. A
-law that follows another state as well, or the path, is no part of such a sum, and is left out.
+The force at a place over velocity is the sum of all laws there that depend on it: friction, a drag,
+a table. Sliding dry friction is at its bound; a fully bent bristle has the force of its level. A
+law that also depends on another state, or on the path, is not part of such a sum, and is left out.
 """
 
 import numpy as np
@@ -30,9 +30,9 @@ SAME = 1e-9
 
 
 def along(law: Physics, curve: str, at: Floats) -> Floats | None:
-    """Return what a law gives at states (points,) of a curve, such as "free_damper".
+    """Return the force of a law at states (points,) of a curve, such as "free_damper".
 
-    None where it enters elsewhere than such a curve does, or follows more than that state.
+    None if it enters elsewhere than such a curve does, or depends on more than that state.
     """
     if is_table(law.effect.parameters):
         return law_at(law, at) if law.effect.name == curve else None
@@ -59,7 +59,7 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
 def _gives(
     law: Physics, state: str, value: float, aside: tuple[float, float, float], p: Floats
 ) -> float:
-    """A law at one state, the others aside."""
+    """A law at one state, ignoring the others."""
     q, v, u = (value if name == state else other for name, other in zip("qvu", aside, strict=True))
     code = law.effect.code
     match law.effect.hook:

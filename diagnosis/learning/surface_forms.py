@@ -1,15 +1,15 @@
 """The forms of a law over two states: a grid of forces, and two tables, as product or as shift.
 
-A surface is begun, fitted, spared points and drawn in the same way, whichever it is; what differs
-stands here: which of its numbers are free, what each adds to the force, and what a law of fewer
-points makes of them. Such a law has numbers y of which the first one's are z = offset + basis y.
+All surfaces are started, fitted, reduced and drawn in the same way. Only the differences are here:
+which of their numbers are free, what each adds to the force, and what a law of fewer points makes
+of them. Such a law has numbers y, from which the numbers of the full one are z = offset + basis y.
 
-A recording does not see all of a grid: of two states that swing, the corners are seldom met. Only
-forces that samples lie nearest to are free; the others are laid smoothly between and beyond them
-(the discrete Laplace equation, `filled`), and say nothing. Where another origin of positions does
-the same as a constant, one force is held. Of a product only the product is known, so that one
-number of its second table is held; of a shift another origin of what is shifted is the same, so
-that one shift is held.
+A recording does not visit all of a grid: of two oscillating states, the corners are seldom reached.
+Only forces that are nearest to some sample are free; the others interpolate and extrapolate them
+smoothly (the discrete Laplace equation, `filled`), and carry no information. If another origin of
+positions is equivalent to a constant, one force is fixed. Of a product only the product is known,
+so one number of its second table is fixed. Of a shift, another origin of the shifted state is
+equivalent, so one shift is fixed.
 """
 
 from abc import ABC, abstractmethod
@@ -47,10 +47,10 @@ NARROW = 1e-4  # of the range of a table, over which its slope is told
 
 @dataclass(frozen=True)
 class Field:
-    """Where a surface may stand: place, two states, what was seen of them (samples, 2).
+    """A candidate for a surface: place, two states, the samples of them (samples, 2).
 
-    makes: how much a force of it is likely to be. floats: whether another origin of positions does
-    the same as a constant.
+    makes: prior size of a force of it. floats: whether another origin of positions is equivalent to
+    a constant.
     """
 
     at: str
@@ -71,17 +71,17 @@ class Field:
 
 
 def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
-    """Return states as people name them at a place."""
+    """Return the usual names of states at a place."""
     if place_at(at).kind != "link":
         return tuple(over)
-    link = {"position": "what the link gives way", "velocity": "rate of the link"}
+    link = {"position": "deflection of the link", "velocity": "rate of the link"}
     return tuple(link.get(state, state) for state in over)
 
 
 class Fewer(NamedTuple):
-    """A law of fewer points: of its numbers y the first one's are offset + basis y.
+    """A law of fewer points: its numbers y give the full ones as offset + basis y.
 
-    basis (numbers, fewer), offset (numbers,): of those that are free; law: the law of numbers y.
+    basis (numbers, fewer), offset (numbers,): of the free ones; law: the law of numbers y.
     """
 
     basis: Floats
@@ -111,7 +111,7 @@ class Form(ABC):
 
     @abstractmethod
     def left_out(self) -> Floats:
-        """Return by how much it is likely to err at each number (numbers,), its points few."""
+        """Return the likely error at each number (numbers,) because points are few."""
 
     @abstractmethod
     def scales(self, field: Field) -> dict[str, float]:
@@ -119,21 +119,21 @@ class Form(ABC):
 
     @abstractmethod
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return which point along either state is that of the number that is held; -1 for none."""
+        """Return the point along either state of the fixed number; -1 for none."""
 
     @abstractmethod
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return a law of some of its points along either state, what `kept` names among them."""
+        """Return the law with some of its points along either state, including those in `kept`."""
 
     def centred(self, field: Field) -> Physics:
-        """Return the same law, what nothing tells of it as people would say it."""
+        """Return an equivalent law, its arbitrary constants as people would choose them."""
         return self.law
 
     @abstractmethod
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it where positions are counted from `by` below, with a constant force more.
+        """Return it for positions counted from `by` below, plus a constant force.
 
-        None where it is over no position, or has no place for a constant.
+        None if it depends on no position, or a constant has no place in it.
         """
 
 
@@ -157,7 +157,7 @@ def product(field: Field, a: Floats, f: Floats, b: Floats, g: Floats) -> Physics
 def shift(
     field: Field, over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats
 ) -> Physics:
-    """Return laws f at states a that g at states b shifts along them; over: which is which."""
+    """Return laws f at states a, shifted along them by g at states b; over: which is which."""
     tables = tables_of(over, a, f, b, g)
     return make_physics("free_shift", field.at, **two_tables_values(*tables))
 
@@ -169,7 +169,7 @@ def tables_of(over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats)
 
 
 def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
-    """Return of which points of a grid (rows, columns) samples say something: enough are nearest.
+    """Return which points of a grid (rows, columns) are determined: nearest to enough samples.
 
     states (samples, 2).
     """
@@ -180,9 +180,9 @@ def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
 
 
 def filled(forces: Floats, known: Seen) -> Floats:
-    """Return a grid (rows, columns) whose unknown forces are laid smoothly.
+    """Return a grid (rows, columns) whose unknown forces are interpolated smoothly.
 
-    Each is its neighbours' mean, those that are known as they are.
+    Each is the mean of its neighbours; the known ones stay.
     """
     if known.all() or not known.any():
         return forces
@@ -224,13 +224,13 @@ class GridForm(Form):
         return each.reshape(*each.shape[:-2], len(self.names))
 
     def left_out(self) -> Floats:
-        """Return by how much it is likely to err at each number, along either state."""
+        """Return the likely error at each number, along either state."""
         along = left_out_of(self.rows, self.grid.values)
         across = left_out_of(self.columns, self.grid.values.T).T
         return np.hypot(along, across).ravel()
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it where positions are counted from `by` below, with a constant force more."""
+        """Return it for positions counted from `by` below, plus a constant force."""
         if "position" not in self.grid.over:
             return None
         rows, columns = (
@@ -240,15 +240,15 @@ class GridForm(Form):
         return grid(field, rows, columns, self.grid.values + more)
 
     def told(self, field: Field) -> Seen:
-        """Return of which of its forces the recordings say something."""
+        """Return which of its forces the recordings determine."""
         return told(field.states, self.rows, self.columns)
 
     def smooth(self, field: Field) -> Floats:
-        """Return its forces, those that the recordings do not tell laid smoothly."""
+        """Return its forces, with the undetermined ones interpolated smoothly."""
         return filled(self.grid.values, self.told(field))
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the forces that a fit may move: what is told, but for one where it floats."""
+        """Return the forces that a fit may change: the determined ones, except one if it floats."""
         free = self.told(field)
         if field.floats and free.any():  # the one that is nearest to the middle
             i, j = np.nonzero(free)
@@ -258,7 +258,7 @@ class GridForm(Form):
         return dict.fromkeys(self.cells[free].tolist(), field.makes)
 
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return row and column of the force that is held; -1 for none."""
+        """Return row and column of the fixed force; -1 for none."""
         still = self._held(field, free)
         if not still.any():
             return -1, -1
@@ -269,7 +269,7 @@ class GridForm(Form):
         return self.told(field) & ~np.isin(self.cells, list(free))
 
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return a grid of some rows and columns; what it does not see follows what it does."""
+        """Return a grid of some rows and columns; undetermined forces follow the others."""
         some = np.ix_(first, second)
         known, still = self.told(field)[some], self._held(field, free)[some]
         moves = known & ~still
@@ -306,17 +306,18 @@ class TablesForm(Form):
 
     @abstractmethod
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return where samples are along either table (samples,)."""
+        """Return the positions of samples along either table (samples,)."""
 
     def left_out(self) -> Floats:
-        """Return by how much either table is likely to err at each number."""
+        """Return the likely error of either table at each number."""
         both = ((self.states, self.laws), (self.beside, self.others))
         return np.concatenate([left_out_of(states, laws) for states, laws in both])
 
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return which number of either table is held; -1 for none.
+        """Return which number of either table is fixed; -1 for none.
 
-        Of a product it was the largest when the fit began, and need not be at its end.
+        The number fixed in a product was the largest when the fit began, and need not be at its
+        end.
         """
         both = (LAW_FIRST[: self.states.size], LAW_SECOND[: self.beside.size])
         each = [next((k for k, n in enumerate(names) if n not in free), -1) for names in both]
@@ -324,12 +325,12 @@ class TablesForm(Form):
 
     @abstractmethod
     def varies(self) -> tuple[float, float]:
-        """Return by how much either table's law varies, in its own unit."""
+        """Return the variation of either table's law, in its own unit."""
 
     def coarser(self) -> tuple[int, float]:
         """Return which of its tables, 0 or 1, misses most of its law between points, and how much.
 
-        As a share of what the law varies by.
+        As a share of the law's variation.
         """
         both = ((self.states, self.laws), (self.beside, self.others))
         misses = [
@@ -365,9 +366,9 @@ class TablesForm(Form):
 
 
 class _Table(NamedTuple):
-    """What numbers y of fewer points make of the free ones of a table: offset + basis y.
+    """The free numbers of a table from numbers y of fewer points: offset + basis y.
 
-    whole: all laws of the fewer points, what is held among them.
+    whole: all laws of the fewer points, including the fixed ones.
     """
 
     basis: Floats
@@ -388,22 +389,22 @@ def _fewer_of(at: Floats, laws: Floats, some: Places, fixed: int) -> _Table:
 
 
 class ProductForm(TablesForm):
-    """A force over one state, taken times a number over the other."""
+    """A force over one state, times a number over the other."""
 
     def of(self, field: Field, tables: TwoTables) -> Physics:
         """Return a product of other tables."""
         return make_physics("free_product", field.at, **two_tables_values(*tables))
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return where samples are along either table (samples,)."""
+        """Return the positions of samples along either table (samples,)."""
         return field.along(self.tables.over)
 
     def varies(self) -> tuple[float, float]:
-        """Return the rms of either law: a product is nothing where either is."""
+        """Return the rms of either law: a product is zero if either is."""
         return float(np.sqrt(np.mean(self.laws**2))), float(np.sqrt(np.mean(self.others**2)))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """None: a constant is no product of laws, so that it knows where positions begin."""
+        """None: a constant is no product of laws, so the origin of positions is determined."""
         return None
 
     def at(self, first: Floats, second: Floats) -> Floats:
@@ -417,7 +418,7 @@ class ProductForm(TablesForm):
         return np.concatenate([of_laws, of_others], axis=-1)
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the numbers that a fit may move: all but the largest of the second table."""
+        """Return the numbers that a fit may change: all but the largest of the second table."""
         found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
         found |= dict.fromkeys(LAW_SECOND[: self.beside.size], OF_A_SHARE)
         found.pop(LAW_SECOND[held(self.others.tolist())])
@@ -428,7 +429,7 @@ class ShiftForm(TablesForm):
     """A force over one state, which the other shifts along it."""
 
     def centred(self, field: Field) -> Physics:
-        """Return the same law with no shift where the other state is nothing, or in its middle."""
+        """Return an equivalent law without shift at zero of the other state, or in its middle."""
         _, second = field.along(self.tables.over)
         rest = 0.0 if second.min() < 0.0 < second.max() else float(np.median(second))
         none = float(table_at(self.tables.second, rest))
@@ -441,7 +442,7 @@ class ShiftForm(TablesForm):
         return make_physics("free_shift", field.at, **two_tables_values(*tables))
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return where samples are along either table (samples,): the first one's are shifted."""
+        """Return the positions of samples along either table (samples,): the first is shifted."""
         first, second = field.along(self.tables.over)
         return first + table_at(self.tables.second, second), second
 
@@ -450,7 +451,7 @@ class ShiftForm(TablesForm):
         return float(np.std(self.laws)), float(np.std(self.others))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it where positions are counted from `by` below, with a constant force more."""
+        """Return it for positions counted from `by` below, plus a constant force."""
         if "position" not in self.tables.over:
             return None
         a, b = (
@@ -473,7 +474,7 @@ class ShiftForm(TablesForm):
         return np.concatenate([counts_at(self.states, along), rise[..., None] * b], axis=-1)
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the numbers that a fit may move: all but one shift, and one force if it floats."""
+        """Return the numbers that a fit may change: all but one shift, and one force if free."""
         along = OF_A_RANGE * float(np.ptp(field.along(self.tables.over)[0]))
         found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
         found |= dict.fromkeys(LAW_SECOND[: self.beside.size], along)

@@ -1,33 +1,32 @@
-"""A law of no name over two states at one place, learned: a surface, fitted like any effect.
+"""A learned law over two states at one place: a surface, fitted like any effect.
 
-Where a law of one state leaves much, what is missing may follow two: friction that a position
-shapes, a motor whose torque falls with speed, a detent that grows with the command. So a small grid
-of forces (`sim/physics/free_force`) is let in at every place over every pair of position, velocity
-and command there (in a link, of how far it gives way, how fast, and the command), beside what
-hypotheses have, and goes some rounds downhill as laws of one state do (`where`), and so does a
-product that is begun at the first singular vectors of that grid, and a law of one state that the
-other shifts, begun along the likeliest straight line of both. The likeliest are fitted to their end
-in three forms (`surface_forms`),
+If a law of one state leaves much unexplained, the missing force may depend on two: friction that
+varies with position, a motor whose torque falls with speed, a detent that grows with the command.
+So a small grid of forces (`sim/physics/free_force`) is added at every place over every pair of
+position, velocity and command there (in a link: deflection, its rate, and the command), beside the
+effects of the hypotheses, and fitted for some rounds as laws of one state are (`where`). So is a
+product, started at the first singular vectors of that grid, and a law of one state that the other
+shifts, started along the likeliest straight line of both. The likeliest are fitted to the end in
+three forms (`surface_forms`),
 
     a product f(a) g(b) of two tables (`free_product`), with more points where these pay,
     a shift f(a + g(b)) of two tables (`free_shift`), likewise,
     a grid F(a, b) of as many points as it has,
 
-each with the points that pay: of the precision P with which a fit knows the numbers z of a law, any
-law of fewer numbers y, z = c + B y with B what its points count at those of the first, costs to
-second order
+each with the points that pay: with the precision P of the numbers z of a fitted law, a law of fewer
+numbers y, z = c + B y, costs to second order
 
     (z - c - B y)' P (z - c - B y) + what y costs (`knots`),
 
-so that points of the tables, rows and columns of the grid, go one at a time, that which costs least
-by going, and what was cheapest is fitted. A form stands over names and over any law of one of
-its states only where it is believed over them by the one criterion of `selection.evidence`; which
-is said, held-out data decide (`answer.learned`).
+so that points of the tables, rows and columns of the grid, are removed one at a time, always the
+one that costs least, and the cheapest law is fitted. A form replaces names, and any law of one of
+its states, only if it is believed over them by the one criterion of `selection.evidence`. Which one
+is reported, held-out data decide (`answer.learned`).
 
-Its band is what the fit does not know of its numbers, and what so few points cannot be, as of
-tables (`tables.left_out_of`). Of a surface a plane is no law: it is a spring, a damper and a scale
-of the command. Limits: two states of one place, `POINTS` points a table and `SIZE` rows and
-columns; nothing over time, which a recording meets once and held-out data never.
+Its band includes the uncertainty of its numbers, and the error of so few points, as for tables
+(`tables.left_out_of`). A plane is no law: it is a spring, a damper and a scale of the command.
+Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns; nothing over
+time, which a recording visits once and held-out data never.
 """
 
 import itertools
@@ -93,7 +92,7 @@ Hopeful = Callable[[Hypothesis], bool]
 
 @dataclass(frozen=True)
 class Begun:
-    """All forms of a surface, some rounds downhill; None where one is not to be had."""
+    """All forms of a surface after some rounds of a fit; None if one of them fails."""
 
     field: Field
     grid: Hypothesis
@@ -102,19 +101,19 @@ class Begun:
 
     @property
     def misfit(self) -> float:
-        """What the likeliest of them costs."""
+        """The cost of the likeliest of them."""
         known = (self.grid, self.product, self.shift)
         return min(h.cost.misfit for h in known if h is not None)
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface that was learned, with what it is beside the names.
+    """A learned surface, and its relation to the named effects.
 
-    physics: a grid or a product. free (numbers,): the parameters that the recordings tell, with
-    their covariance (numbers, numbers). seen (samples, 2): the states that were visited. names:
-    that stay beside it; replaced: those that are not needed beside it. gained: over the best
-    without it, in -2 ln.
+    physics: a grid or a product. free (numbers,): the parameters that the recordings determine,
+    with their covariance (numbers, numbers). seen (samples, 2): the states that were visited.
+    names: effects that stay beside it; replaced: those that are not needed beside it. gained: over
+    the best without it, decrease of -2 ln likelihood, less all penalties.
     """
 
     physics: Physics
@@ -160,7 +159,7 @@ class Surface:
         return Z95 * np.sqrt(np.maximum(variance, 0.0))
 
     def of(self, names: Sequence[str]) -> Floats:
-        """Return the covariance of some parameters; nothing is known to err of what was held."""
+        """Return the covariance of some parameters; zero for fixed ones."""
         places = [self.free.index(name) if name in self.free else -1 for name in names]
         padded = np.pad(self.covariance, ((0, 1), (0, 1)))
         return padded[np.ix_(places, places)]
@@ -169,11 +168,11 @@ class Surface:
 def surfaces(
     found: Search, than: Sequence[Hypothesis], say: Say, hopeful: Hopeful
 ) -> Iterator[Iterator[Surface]]:
-    """Yield, of each place and pair of states, surfaces that are believed, the likeliest first.
+    """Yield, for each place and pair of states, surfaces that are believed, the likeliest first.
 
-    Over names, and over what else was learned: of either form one, worked out when it is asked for.
-    than: what a surface is held against, the names and laws of one state. hopeful: whether all the
-    points of a form are worth the search for those that pay.
+    They are sought over the named effects and other learned laws, one of each form, computed on
+    demand. than: what a surface is compared with, the named effects and laws of one state. hopeful:
+    whether all the points of a form are worth the search for those that pay.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     everywhere: list[Begun] = []
@@ -193,10 +192,10 @@ def surfaces(
 def _of_each_form(
     found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
-    """Yield a product, a shift and a grid that are believed, beside names or in the place of all.
+    """Yield a believed product, shift and grid, beside the names or in place of all.
 
-    Names that were found without a law have taken what they can of it, so that beside them it may
-    look like another; the likelier of both is said.
+    Named effects that were found without a law have imitated what they can of it, so that the law
+    beside them may look different; the likelier of both is reported.
     """
     for make in (_as_product, _as_shift, _as_grid):
         ends: list[Hypothesis] = []
@@ -209,11 +208,11 @@ def _of_each_form(
 
 
 def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same law as the device file counts positions, and a shift from none where it rests.
+    """The same law with the device file's origin, and a shift that is zero at rest.
 
-    As of laws of one state: over a position of the first mass on a spring another origin d moves
-    the law by d with a constant k d, and nothing tells which is so. Limits: with nothing beside the
-    law that may follow a position.
+    As for laws of one state: over a position of the first mass on a spring, the law shifted to
+    another origin d with a constant k d is equivalent, and the data do not decide. Limits: if
+    nothing else depends on a position.
     """
     swings, k = {e.swing for e in h.experiments}, h.model.build(h.x).chain.ground_spring
     tied = field.at == "m1" and k > 0.0 and len(h.model.effects) == 1 and len(swings) == 1
@@ -236,7 +235,7 @@ def _counts(over: tuple[str, str]) -> Floats:
 def _shaped(
     make: Callable[[Begun], Hypothesis | None], one: Begun, least: Hypothesis, hopeful: Hopeful
 ) -> Hypothesis | None:
-    """A form with the points that pay; None where free runs of all its points give no hope."""
+    """A form with the points that pay; None if free runs with all its points do not improve."""
     full = make(one)
     if full is None or not hopeful(full):
         return None
@@ -245,9 +244,9 @@ def _shaped(
 
 
 def _finer(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with a point between each two of one table, where these are believed.
+    """The same with a point between each two of one table, if these are believed.
 
-    Of the table whose points hold least of their law; a grid has all of its points.
+    Of the table whose points determine their law least; a grid has all of its points.
     """
     form = form_of(_last(h))
     if not isinstance(form, TablesForm):
@@ -266,7 +265,7 @@ def _finer(h: Hypothesis, field: Field) -> Hypothesis:
 
 
 def _begun_everywhere(base: Hypothesis) -> list[Begun]:
-    """Small surfaces of nothing at every place and pair, some rounds downhill: the likeliest."""
+    """Small zero surfaces at every place and pair, after some rounds of a fit: the likeliest."""
     if base.slopes is None:
         return []
     grids: list[tuple[Field, Hypothesis]] = []
@@ -303,7 +302,7 @@ def _fields(base: Hypothesis) -> Iterator[Field]:
 
 
 def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict[str, list[Floats]]:
-    """What a law at a place may follow, in each recording (samples,), by name."""
+    """The states on which a law at a place may depend, in each recording (samples,), by name."""
     n = moved[0].shape[1] // 2
     i, j = place_at(at).ends
 
@@ -323,7 +322,7 @@ def _states_seen(h: Hypothesis, at: str, over: Sequence[str]) -> Floats:
 
 
 def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
-    """So many states of either, or as many as are met; None where one has no range."""
+    """Points of either state, at most as many as its values; None if one has no range."""
     first, second = (points_over(seen, count, False) for seen in field.states.T)
     return None if first is None or second is None else (first, second)
 
@@ -331,19 +330,19 @@ def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
 def _beside(
     base: Model, x: Floats, field: Field, law: Physics, only: Collection[str] = ()
 ) -> tuple[Model, Floats]:
-    """Return a model with a surface, and its x where it is as given; only: which may move."""
+    """Return a model with a surface, and its x for the given values; only: which may change."""
     scales = form_of(law).scales(field)
     scales = {name: scales[name] for name in scales if not only or name in only}
     return with_law(base, x, law, scales)
 
 
 def _exchanged(h: Hypothesis, field: Field, law: Physics) -> tuple[Model, Floats]:
-    """The model with another surface in the place of the one that it has last, and its x."""
+    """The model with another surface in place of its last one, and its x."""
     return _beside(*h.model.less(h.x, len(h.model.effects) - 1), field, law)
 
 
 def _in_its_place(h: Hypothesis, field: Field, law: Physics) -> Hypothesis | None:
-    """Another surface in the place of the one that a hypothesis has last, fitted."""
+    """Another surface in place of the last one of a hypothesis, fitted."""
     model, start = _exchanged(h, field, law)
     with suppress(NoObserver):
         return _finite(settled(judged(h.experiments, model, model.within(start), h.family)))
@@ -351,7 +350,7 @@ def _in_its_place(h: Hypothesis, field: Field, law: Physics) -> Hypothesis | Non
 
 
 def _finite(h: Hypothesis) -> Hypothesis | None:
-    """A hypothesis; None where the recordings do not tell all of its numbers."""
+    """A hypothesis; None if the recordings do not determine all of its numbers."""
     return h if np.isfinite(h.cost.total) else None
 
 
@@ -360,9 +359,9 @@ def _last(h: Hypothesis) -> Physics:
 
 
 def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
-    """A product of many points, some rounds downhill from a grid that was begun.
+    """A product of many points, after some rounds of a fit that starts at a grid.
 
-    Of the grid less its plane, which is a spring's, a damper's and a scale's, or of it as it is.
+    Of the grid less its plane, which belongs to a spring, a damper and a scale, or of it as it is.
     """
     few, axes = GridForm(_last(h)), _axes(field, LAWS.points)
     if axes is None:
@@ -388,11 +387,11 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
-    """A shift of many points, some rounds downhill: either state by the other.
+    """A shift of many points, after some rounds of a fit: either state by the other.
 
-    Along any straight line of its states, a + d b, a shift is a table of one state, of which one
-    round downhill from nothing tells how likely it is, under two observers; from the line that each
-    finds likeliest both tables go on.
+    Along a straight line of its states, a + d b, a shift is a table of one state. One round of a
+    fit from zero shows how likely each line is, under two observers; both tables start from the
+    likeliest line of each.
     """
     each: list[Hypothesis] = []
     for share in RATIOS if base.family.whitening else RATIOS[:1]:
@@ -404,7 +403,7 @@ def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
-    """The shift in proportion to the other state with which one round downhill gains most."""
+    """The shift proportional to the other state with which one round of a fit gains most."""
     problem, least, likeliest = under.problem, math.inf, None
     for line in _lines(field):
         model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
@@ -416,7 +415,7 @@ def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
 
 
 def _lines(field: Field) -> Iterator[Physics]:
-    """Yield shifts of nothing, in proportion to the other state."""
+    """Yield shifts of a zero law, proportional to the other state."""
     a, b = field.over
     for over in ((a, b), (b, a)):
         first, second = field.along(over)
@@ -432,17 +431,17 @@ def _lines(field: Field) -> Iterator[Physics]:
 
 
 def _as_shift(one: Begun) -> Hypothesis | None:
-    """A shift with as many points as one begins with, fitted."""
+    """A shift with the initial number of points, fitted."""
     return None if one.shift is None else _finite(settled(one.shift))
 
 
 def _as_product(one: Begun) -> Hypothesis | None:
-    """A product with as many points as one begins with, fitted."""
+    """A product with the initial number of points, fitted."""
     return None if one.product is None else _finite(settled(one.product))
 
 
 def _as_grid(one: Begun) -> Hypothesis | None:
-    """A grid with all the points that it has, fitted, from one of fewer that was begun."""
+    """A grid with all of its points, fitted from one of fewer."""
     h, field = one.grid, one.field
     few, axes = GridForm(_last(h)), _axes(field, SIZE)
     if axes is None:
@@ -453,7 +452,7 @@ def _as_grid(one: Begun) -> Hypothesis | None:
 
 
 def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with what a grid does not see laid smoothly between what it does, fitted again."""
+    """The same with the undetermined part of a grid interpolated, fitted again."""
     form = form_of(_last(h))
     if not isinstance(form, GridForm) or form.told(field).all():
         return h
@@ -463,7 +462,7 @@ def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
 
 @dataclass(frozen=True)
 class _Known:
-    """What a fit knows of the numbers of its surface: their names, values and precision."""
+    """What a fit knows about the numbers of its surface: their names, values and precision."""
 
     names: tuple[str, ...]
     numbers: Floats
@@ -471,7 +470,7 @@ class _Known:
 
 
 def _own(h: Hypothesis) -> list[tuple[int, str, float]]:
-    """Place in x, name and scale of each number of the surface that a hypothesis has last."""
+    """Index in x, name and scale of each number of the last surface of a hypothesis."""
     last = len(h.model.effects) - 1
     return [
         (j, p.key, p.scale)
@@ -489,7 +488,7 @@ def _known(h: Hypothesis, phi: float) -> _Known:
 
 @dataclass(frozen=True)
 class _Fewer:
-    """A law of some of the points of another along either state, and what it costs beside it."""
+    """A law of some of the points of another along either state, and its cost relative to it."""
 
     first: Places
     second: Places
@@ -498,7 +497,7 @@ class _Fewer:
 
 
 def _priced(there: _Known, form: Form, field: Field, first: Places, second: Places) -> _Fewer:
-    """A law of some points along either state, as near to what is known as it can be."""
+    """A law of some points along either state, as near as possible to the known one."""
     basis, offset, law = form.fewer(field, there.names, first, second)
     if basis.shape[1] == 0:
         return _Fewer(first, second, None, np.inf)
@@ -507,9 +506,9 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
 
 
 def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
-    """What a law of the points that pay along either state is, and what less it costs.
+    """The law with the points that pay along either state, and how much less it costs.
 
-    Its ends stay, and so does the point of a number that is held.
+    Its ends stay, and so does the point of a number that is fixed.
     """
     there, form = _known(h, phi), form_of(_last(h))
     kept = form.kept(field, there.names)
@@ -528,13 +527,13 @@ def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
 
 
 def _spared(h: Hypothesis, field: Field) -> float:
-    """What a law of the points that pay costs less, to second order; 0.0 where nothing is told."""
+    """How much less a law of the points that pay costs, to second order; 0.0 if undetermined."""
     _, spared = _cheapest(h, field, 1.0)
     return spared if math.isfinite(spared) else 0.0
 
 
 def _of_those_that_pay(h: Hypothesis, phi: float, field: Field) -> Hypothesis:
-    """The same law with the points that pay along either state, where that costs less."""
+    """The same law with the points that pay along either state, if that costs less."""
     cheapest, _ = _cheapest(h, field, phi)
     sizes = cheapest.first.size, cheapest.second.size
     if cheapest.law is None or sizes == form_of(_last(h)).sizes:

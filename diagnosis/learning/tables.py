@@ -16,7 +16,7 @@ MET = 10  # samples nearest to a point, of which fewer say nothing of the force 
 
 
 def law_at(law: Physics, states: Floats) -> Floats:
-    """Return a law of no name at some states (...,)."""
+    """Return the force of a learned law at some states (...,)."""
     s, f = np.array(points_of(law.values)).T
     return _through(s, f, is_odd(law), law.values["period"], states)
 
@@ -35,18 +35,17 @@ def _through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> 
 
 
 def left_out(law: Physics) -> Floats:
-    """Return by how much a table is likely to err at each of its points (points,)."""
+    """Return the likely error of a table at each of its points (points,)."""
     s, f = np.array(points_of(law.values)).T
     return left_out_of(s, f, is_odd(law), law.values["period"])
 
 
 def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) -> Floats:
-    """Return by how much a curve through laws f (points, ...) at states s is likely to err at each.
+    """Return the likely error of a curve through laws f (points, ...) at each of its states s.
 
-    A cubic through points h apart with tangents from differences errs as h^3, so that of every
-    other point an eighth of what the curve through its neighbours misses it by is left: that is
-    told by leaving each point out. Ends err as their neighbours do; what an odd law is at nothing
-    is known.
+    A cubic through points h apart with tangents from differences has an error of order h^3, so its
+    error is an eighth of the error of a curve through every other point, which leaving out each
+    point shows. Ends have the error of their neighbours; an odd law is known at zero.
     """
     found = np.zeros_like(f)
     if s.size < (3 if odd or period > 0.0 else 4):
@@ -66,12 +65,12 @@ def is_odd(law: Physics) -> bool:
 
 
 def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Floats | None:
-    """Return so many states for a table over those seen (samples,); None where it has no sense.
+    """Return states for a table over those seen (samples,); None if it makes no sense.
 
-    An odd law must have been seen on both sides. Half by where it was, half evenly: the ends are
-    where a law shows, and are seldom visited. Fewer where a state takes few values, as a command of
-    some levels does: points between these would say nothing. One that repeats has them evenly over
-    its turn.
+    An odd law must have been seen on both sides. Half of the points follow the density of the
+    samples, half are spaced evenly, since a law shows at the ends, which are seldom visited. There
+    are fewer if a state takes few values, as a command of some levels does; points between these
+    would carry no information. A periodic law has them evenly over its period.
     """
     if period > 0.0:
         return period * np.arange(count) / count
@@ -87,12 +86,12 @@ def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Flo
 
 
 def between(at: Floats, seen: Floats) -> Floats:
-    """Return states of a table (points,) with one more between each two, where samples tell it."""
+    """Return states of a table (points,) with one more between each two that have samples there."""
     return _met(np.sort(np.concatenate([at, 0.5 * (at[1:] + at[:-1])])), np.sort(seen))
 
 
 def _met(at: Floats, where: Floats) -> Floats:
-    """Those of some states that enough samples lie nearest to, and the ends; where: sorted."""
+    """The states that are nearest to enough samples, and the ends; where: sorted."""
     while at.size > 2:
         edges = np.searchsorted(where, 0.5 * (at[1:] + at[:-1]))
         nearest = np.diff(edges)
@@ -112,9 +111,9 @@ def table(
 
 
 def basis(law: Physics, states: Floats, odd: bool, at: Floats) -> Floats:
-    """Return what each point of another table adds to it at some states (points, numbers).
+    """Return the contribution of each point of another table at some states (points, numbers).
 
-    states: of that table's points, of an odd one the first is 0 and adds nothing.
+    states: of that table's points; of an odd one the first is 0 and adds nothing.
     """
     units = np.eye(states.size)[:, int(odd) :]
     return _through(states, units, odd, law.values["period"], at)

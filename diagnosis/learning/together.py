@@ -1,12 +1,12 @@
 """Total force at a place over one state: learned law plus named effects, as one curve.
 
-Friction is a name, a drag beside it another, and what was learned beside both a table; who has
-measured a friction curve has their sum. So laws that follow the same state at the same place
-(`steady.along`) are added, with the band that the covariance of all their parameters gives it,
+Friction is a named effect, a drag beside it another, and what was learned beside both is a table; a
+measured friction curve is their sum. So laws that depend on the same state at the same place
+(`steady.along`) are added, with the band from the covariance of all their parameters,
 
     sum over laws of f(s; x),    J C J',    J its slopes by x, C of the fit.
 
-A straight part is the device's own damper or spring as well, and is left to that.
+A straight part cannot be distinguished from the device's own damper or spring, and is left to that.
 """
 
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ STEP = 1e-3  # of a parameter's x, over which what acts together is differenced
 class Together:
     """The sum of the laws that follow one state at one place.
 
-    names: of those that are no table. states, forces, lower, upper (points,): the sum with its 95 %
-    band; covariance (points, points) of the forces.
+    names: of the effects that are no table. states, forces, lower, upper (points,): the sum with
+    its 95 % band; covariance (points, points) of the forces.
     """
 
     names: tuple[str, ...]
@@ -51,11 +51,11 @@ def follows(law: Physics, curve: str, place: Place) -> bool:
 def together(
     fitted: Fitted, curve: str, place: Place, states: Floats, bends: bool = False
 ) -> Together | None:
-    """Return what the laws of a fit that follow a curve's state at a place give at some states.
+    """Return the sum of the laws of a fit that follow a curve's state at a place, at some states.
 
-    None where no name does. states (points,): none of them rest, where friction has no value.
-    bends: whether the band is that of the bends alone, beside damper, spring and origin as they
-    were fitted, which a line and a constant are as well.
+    None if there is no such effect. states (points,): none of them zero, where friction has no
+    value. bends: whether the band is that of the curvature alone, since a line and a constant are
+    equivalent to damper, spring and origin, which are kept as fitted.
     """
     model, x = fitted.model, fitted.x
     effects = model.effects_at(x)
@@ -86,7 +86,7 @@ def together(
 
 
 def _elsewhere(model: Model, curve: str, place: Place) -> list[int]:
-    """The places in x of what a line and a constant over a curve's state are as well."""
+    """The indices in x of parameters equivalent to a line and a constant over a curve's state."""
     link = place.kind == "link"
     kinds = {"free_damper": ("damper", "link"), "free_spring": ("k0", "spring")}
     kind = kinds[curve][int(link)] if curve in kinds else ""

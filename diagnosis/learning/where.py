@@ -1,17 +1,17 @@
 """Where a learned law would improve the fit most: tries a table of many points at each place.
 
-Beside what a hypothesis has, a table of zeros is let in at every place over every state that one
-may follow, with as many points as a table has, and goes downhill for a few rounds: under the noise
-of the hypothesis, and under a slower observer, which takes less of a law for disturbance. What is
-likelier then, each under the likeliest noise of its own, tells where a law may be. To first order
-nothing is told of it: where much is missing a residual is far from white, its slow part is what the
-recording began with as well, and any state seems to lead it.
+To each hypothesis a table of zeros is added, at every place over every state that it may depend on,
+with as many points as a table has, and fitted for a few rounds: with the noise of the hypothesis,
+and with a slower observer, which takes less of a law for a disturbance. The resulting likelihoods,
+each with its own likeliest noise, show where a law may be. To first order they would not: if much
+is missing a residual is far from white, its slow part also depends on the initial state, and every
+state seems to explain it.
 
-Of a state that never comes back (the position of a motor that turns one way) a law over it is one
-of time, and of anything else that happens in that order: no law is sought there, but for what
-repeats (`repeating`).
+Of a state that never returns (the position of a motor that turns one way), a law would also be one
+of time, and of everything else that happens in that order. So none is sought there, except periodic
+ones (`repeating`).
 
-Limits: a law that turns the motion over is not reached in so few rounds.
+Limits: a law that changes the motion completely is not found in so few rounds.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -49,11 +49,11 @@ def anywhere(effect: str, at: str) -> bool:
 
 @dataclass(frozen=True)
 class Site:
-    """Where a law may stand: effect and place, the states seen there (samples,), its period.
+    """A candidate for a law: effect and place, the states seen there (samples,), its period.
 
-    scale: of the period as a parameter, 0 for one that is known. makes: how much a point of its
-    table is likely to be. floats: whether another origin of positions does the same as a constant
-    in the table, of which one point is then held.
+    scale: of the period as a parameter, 0 for a known one. makes: prior size of a point of its
+    table. floats: whether another origin of positions is equivalent to a constant in the table, of
+    which one point is then fixed.
     """
 
     effect: str
@@ -68,9 +68,9 @@ class Site:
 def sites(
     base: Hypothesis, most: int, asked: Callable[[str, str], bool] = anywhere
 ) -> list[tuple[Site, Hypothesis]]:
-    """Return where a law would gain most, so many, and each begun there, the likeliest first.
+    """Return where a law would gain most, with its start, the likeliest first.
 
-    asked: whether a law (effect, place) is.
+    asked: whether a law (effect, place) is wanted.
     """
     found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
@@ -84,9 +84,9 @@ def sites(
 
 
 def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hypothesis | None:
-    """Return a model with a law, some rounds downhill under two observers: the likelier end.
+    """Return a model with a law after some rounds with two observers: the likelier result.
 
-    None where no observer follows the recordings of the base.
+    None if no observer follows the recordings of the base.
     """
     with suppress(NoObserver):
         first = judged(base.experiments, model, model.within(x), base.family)
@@ -102,7 +102,7 @@ def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hy
 def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Site:
     """Return a place for a law over one state, as a hypothesis predicts it.
 
-    moved: of each recording positions and velocities (ticks, 2n).
+    moved: of each recording, positions and velocities (ticks, 2n).
     """
     gain = base.model.reads(base.x).gain
     sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
@@ -114,10 +114,10 @@ def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> 
 def _floats(base: Hypothesis, effect: str, at: str) -> bool:
     """Whether a constant in a law is the same as another origin.
 
-    A constant force on a mass that a spring ties to the ground is, as far as positions show: on
-    the first mass, and on others where one position alone is measured. So is one in the command,
-    which acts on the first mass, and one in the reading.
-    Of a law over a position another origin moves the states as well: no point of it is held.
+    A constant force on a mass that a spring ties to the ground is equivalent to another origin, as
+    far as positions show: on the first mass, and on others if only one position is measured. So is
+    a constant in the command, which acts on the first mass, and in the reading. For a law over a
+    position another origin also shifts the states, so no point of it is fixed.
     """
     tied = base.model.build(base.x).chain.ground_spring > 0.0
     if not tied or effect == "free_spring":
@@ -135,7 +135,7 @@ def held(count: int) -> int:
 
 
 def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
-    """Return the states (samples,) that a law would follow, as the model predicts them."""
+    """Return the states (samples,) that a law would depend on, as the model predicts them."""
     return np.concatenate(_states_in(base, moved, effect, at))
 
 
@@ -150,13 +150,13 @@ def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) 
 
 
 def comes_back(each: Sequence[Floats]) -> bool:
-    """Whether the states of recordings are met again, and do not only tell time."""
+    """Whether the states of recordings are visited again, and do not only tell time."""
     way = sum(float(np.abs(np.diff(states)).sum()) for states in each)
     return way > LAWS.comes_back * float(np.ptp(np.concatenate(each)))
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
-    """Return a law of so many points at most, all nothing; None where an odd one has no sense."""
+    """Return a zero law of at most so many points; None if an odd one makes no sense."""
     at = points_over(site.states, count, odd, site.period)
     if at is None:
         return None
@@ -164,7 +164,7 @@ def law_over(site: Site, count: int, odd: bool) -> Physics | None:
 
 
 def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
-    """Return a model with a law, and its x where the law is as it is given."""
+    """Return a model with a law, and its x for the given law."""
     count = len(points_of(law.values))
     free = FORCE[int(is_odd(law)) : count]
     scales = dict.fromkeys(free, site.makes)
@@ -187,14 +187,14 @@ def with_law(
     scales: Mapping[str, float],
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Model, Floats]:
-    """Return a model with a law of which some numbers are free, and x where they are as given."""
+    """Return a model with a law of which some numbers are free, and x for the given values."""
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
     return base.with_effect(law, scales, bounds or {}), start
 
 
 def _every(base: Hypothesis) -> list[Site]:
-    """All places and states that a law of one state may follow, that no law follows yet."""
+    """All places and states on which a law of one state may depend, and none does yet."""
     chain = base.model.build(base.x).chain
     asked = [(effect, str(place)) for place in masses_and_links(chain.masses.size)
              for effect in ("free_spring", "free_damper")]  # fmt: skip

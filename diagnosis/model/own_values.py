@@ -1,16 +1,17 @@
 """Parameters fitted for each recording separately: `[free]` of a recording TOML.
 
-Three springs that were hung in turn are three numbers, and all else of the carts is one device's.
-Where a word stands for a parameter, recordings with that word share its value; those without share
-another. It is a change of the parameter (`Model.varying`), from what it is in the recordings
-without a word, or in those with the first one: x + d holds where the word does. A linear parameter
-so changed has the uncertainty of the device file in d, too, and like all linear ones is in every
-hypothesis, so that nothing is paid for it; a number of an effect pays what every change pays.
+For example, three springs that were mounted in turn are three numbers, while everything else is
+that of one device. Recordings with the same word for a parameter share its value; those without a
+word share another. This is a change of the parameter (`Model.varying`), from its value in the
+recordings without a word, or in those with the first word: x + d holds for recordings with the
+word. For a linear parameter the uncertainty in the device file also applies to d, and like all
+linear parameters d is in every hypothesis, so there is no penalty for it. For a number of an
+effect, the penalty is that of every change.
 
-Where a spring to ground is at rest no two recordings need agree: an encoder counts from where it
-was switched on, and friction lets go of a mass anywhere within level / stiffness of the rest. So of
-several recordings each has an origin of its own (`origin` in `model.parameters`), and where their
-zeros are open so have the sensors of further masses (`zero_m2`).
+The rest of a spring to ground may differ between recordings: an encoder counts from where it was
+switched on, and friction stops a mass anywhere within level / stiffness of the rest. So of several
+recordings each has an origin of its own (`origin` in `model.parameters`), and, if their zeros are
+free, so have the sensors of further masses (`zero_m2`).
 """
 
 from collections.abc import Sequence
@@ -26,7 +27,7 @@ Floats = NDArray[np.float64]
 
 
 def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying, ...]:
-    """Return what is not the same in all of these recordings because they say so."""
+    """Return the parameters that differ between these recordings because they declare it."""
     targets = dict.fromkeys(target for e in experiments for target, _ in e.own)
     found: list[Varying] = []
     for target in targets:
@@ -44,15 +45,16 @@ def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying,
 
 
 def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
-    """Return the x that a fit of recordings begins with: all zero, but for open zeros of sensors.
+    """Return the start x of a fit of recordings: zero, except for free zeros of sensors.
 
-    Over a recording of length t what moves m2 lets the link give way by
+    Over a recording of length t, the forces that move m2 deflect the link by
 
         mean(q2 - q1) = zero + (m2 (v2(t) - v2(0)) + b2 (q2(t) - q2(0))) / (k t),
 
-    whose second part is little of the motion. From zero a fit would not get there: the noise
-    that belongs to a link which is always stretched wanders, and a zero is no gain under it.
-    Limits: one link between the sensors, or all but as stiff; dry friction that is as often forth.
+    of which the second part is small against the motion. A fit that starts at zero would not get
+    there: the noise model for a link that is always stretched is a drifting one, under which a zero
+    gains nothing. Limits: there is one link between the sensors, or the others are as stiff; dry
+    friction acts equally often in both directions.
     """
     x = np.zeros(len(model.parameters))
     zeros = {p.name: i for i, p in enumerate(model.parameters) if p.kind == "zero"}
@@ -74,7 +76,7 @@ def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
 
 
 def refuse_unknown_words(fit_on: Sequence[Experiment], judge_by: Sequence[Experiment]) -> None:
-    """Raise ExperimentError where a recording to judge by has a value that none fitted has."""
+    """Raise ExperimentError if a validation recording has a value that no fitted one has."""
     known = {own for e in fit_on for own in e.own}
     for e in judge_by:
         for target, word in e.own:

@@ -2,17 +2,17 @@
 
 Every parameter is value = nominal + scale x (effects, dampers of links), nominal exp(scale x)
 (masses, springs, gain) or nominal + scale sinh(x) (dampers to ground), so that x is of order one.
-The linear ones carry a Gaussian prior of one scale, which the device file states (`Uncertainty`):
-what the recording does not tell stays near the nominal device instead of running away. So has the
-skew of the clock: by how much of a period all outputs are read after the instant at which commands
-act, or before it, which no file states and every laboratory has. A damper to
-the ground may be zero, and is guessed more often than measured, since bearings and back-EMF are in
-it: near the file's value sinh(x) is x, and far from it another factor of ten costs no more than the
-first did. Were it linear there too, twenty times the damper would cost 1400, and any drag of the
-library less. One of a link stays linear: far larger ones are what play and friction in the link
-look like, and a refit bent so far leads no search back. The gain of the command is free only where
-the file says how uncertain that is, since motion alone cannot tell it from masses, springs, dampers
-and forces all at once.
+The linear ones have a Gaussian prior of one scale, which the device file states (`Uncertainty`):
+what the recording does not determine stays near the nominal device. The skew of the clock has such
+a prior as well. It is the share of a period by which all outputs are read after the instant at
+which commands act, or before it; every laboratory has one, and no file states it. A damper to the
+ground may be zero, and is guessed more often than measured, since it includes bearings and
+back-EMF. Near the file's value sinh(x) is x; far from it another factor of ten costs no more than
+the first. If it were linear there too, twenty times the damper would cost 1400, and any drag of the
+library less. A damper of a link stays linear: play and friction in the link look like much larger
+ones, and a search does not return from a refit that has gone so far. The gain of the command is
+free only if the file gives its uncertainty, since motion alone does not distinguish it from masses,
+springs, dampers and forces together.
 """
 
 import itertools
@@ -57,8 +57,8 @@ class Parameter:
     "effect", or "change": of the parameter at `index` of all, in its x.
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
-    effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
-    walks: which of them are only how far a fit may go from its start.
+    effect's parameter, its name; ends: at which of its bounds a fit is not physical, "lower",
+    "upper". walks: which of them only limit how far a fit may go from its start.
     """
 
     name: str
@@ -73,12 +73,12 @@ class Parameter:
     walks: tuple[str, ...] = ()
 
     def at_end(self, x: float, which: Sequence[str], margin: float) -> bool:
-        """Whether x stands on one of some of its bounds, "lower" and "upper"."""
+        """Whether x is on one of some of its bounds, "lower" and "upper"."""
         low = "lower" in which and x < self.lower + margin
         return low or ("upper" in which and x > self.upper - margin * max(1.0, abs(self.upper)))
 
     def value(self, nominal: float, x: float) -> float:
-        """Return the value at its x of what is `nominal` at zero: of a chain's or an effect's."""
+        """Return the value at its x, for the value `nominal` at zero: of a chain or an effect."""
         if self.kind in FACTORED:
             return nominal * float(np.exp(self.scale * x))
         if self.kind in BENT:
@@ -92,7 +92,7 @@ class Parameter:
         return self.scale * (float(np.cosh(x)) if self.kind in BENT else 1.0)
 
     def x_of(self, nominal: float, value: float) -> float:
-        """Return the x of a value; of a factor that is none, of one of 1e-12."""
+        """Return the x of a value; for a factor of zero or below, that of 1e-12."""
         if self.kind in FACTORED:
             return math.log(max(value / nominal, 1e-12)) / self.scale
         moved = (value - nominal) / self.scale
@@ -101,12 +101,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Varying:
-    """A change of one parameter (`Parameter.name`): in a recording counts what share of it holds.
+    """A change of one parameter (`Parameter.name`): a recording has its share of it.
 
-    name: of the change, by which recordings say their share (`Experiment.shares`). smooth: over
-    time, so that parts of a recording have all its values between. price: of how rare it is, and of
-    having asked for so many, in -2 ln. declared: recordings say that it is their own
-    (`model.own_values`); it was not found.
+    name: of the change, by which recordings state their share (`Experiment.shares`). smooth: over
+    time, so that parts of a recording have all values in between. price: penalty for its rarity and
+    for having tried so many, in -2 ln. declared: whether recordings state that it is their own
+    (`model.own_values`); it was not found then.
     """
 
     name: str
@@ -119,10 +119,10 @@ class Varying:
 class Reads(NamedTuple):
     """How a model reads a recording.
 
-    The command counts times gain; origin, in units of the rms motion, is taken from positions, and
-    jitter times the change of the arriving command from the velocity of m1. zeros (n,): what the
-    positions of each mass are read by more than that of m1. late [s]: by how much all is read after
-    the instant at which commands act; push: what a unit of command accelerates m1 by, alone.
+    The command is multiplied by gain; origin, in units of the rms motion, is subtracted from
+    positions, and jitter times the change of the arriving command from the velocity of m1. zeros
+    (n,): offset of the reading of each mass from that of m1. late [s]: by how much all is read
+    after the instant at which commands act; push: acceleration of m1 alone for a unit of command.
     """
 
     gain: float
@@ -133,7 +133,7 @@ class Reads(NamedTuple):
     push: float
 
     def offsets(self, experiment: Experiment) -> Floats:
-        """Return what the outputs (o,) of a recording read where the device is at rest."""
+        """Return the readings (o,) of the outputs of a recording when the device is at rest."""
         positions = np.array([o.tells_position for o in experiment.outputs])
         own = np.array([self.zeros[o.mass] for o in experiment.outputs])
         origin = self.origin * experiment.swing if self.origin else 0.0  # a swing may be infinite
@@ -143,11 +143,12 @@ class Reads(NamedTuple):
 def leads(
     outputs: Sequence[Output], jitter: Floats | float, late: Floats | float, push: Floats | float
 ) -> Floats:
-    """Return by how much of a change of the arriving command each output leads (..., o).
+    """Return by how much of a change of the arriving command each output is ahead (..., o).
 
-    A reading that is s > 0 late sees the command of its instant act for s already: s push in the
-    velocity of m1, s^2 / 2 push in its position; the rest of what s does is in how the device is
-    followed (`sim.predict.ahead_by`). jitter: what the velocity leads by besides.
+    A reading that is s > 0 late contains the command of its instant for s: s push in the velocity
+    of m1, s^2 / 2 push in its position. The other consequences of s are in the prediction
+    (`sim.predict.ahead_by`). jitter: what else is added to the velocity, times the change of the
+    command.
     """
     after = np.maximum(late, 0.0)
     found = np.zeros((*np.shape(late), len(outputs)))
@@ -160,11 +161,11 @@ def leads(
 
 
 class _Trial(NamedTuple):
-    """The numbers of all effects, one after the other, and which of them are free.
+    """The numbers of all effects in order, and which of them are free.
 
-    vector, lower, upper (numbers,): what they are, and what their declarations allow. own: places
-    in it of those that are free; x: their places in x; scale: theirs. each: where the numbers of
-    each effect stand.
+    vector, lower, upper (numbers,): their values, and the bounds in their declarations. own:
+    indices in it of the free ones; x: their indices in x; scale: theirs. each: where the numbers of
+    each effect are.
     """
 
     vector: Floats
@@ -180,15 +181,15 @@ class _Trial(NamedTuple):
 class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
-    effects: the physics under trial, at the values where x of their parameters is zero. scales: of
-    their free parameters; bounds: of them, given the recordings, where that is less than the effect
-    allows.
-    sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
-    that it is taken off there and not simulated. varying: what is not the same in all recordings;
-    those whose parameter the model lacks change nothing. `build` gives the device of no share.
+    effects: the physics under trial, at the values for which x of their parameters is zero. scales:
+    of their free parameters; bounds: of them, given the recordings, if narrower than the effect
+    allows. sensor_error_known: the recordings contain the error that an encoder_step under trial
+    adds to the sensor, so that it is subtracted there and not simulated. varying: what differs
+    between recordings; those whose parameter the model lacks have no effect. `build` returns the
+    device for a share of zero.
 
-    A search asks one model for thousands of devices, so what is the same at every x (which of its
-    numbers belong where, their scales and bounds) is worked out once and kept as arrays.
+    A search evaluates one model for thousands of devices, so everything that does not depend on x
+    (the places of its numbers, their scales and bounds) is computed once and kept as arrays.
     """
 
     nominal: Device
@@ -217,7 +218,7 @@ class Model:
         ]
 
     def _with_own(self, lasting: Sequence[Parameter], first: int) -> list[Parameter]:
-        """Parameters, then the values that recordings have of them; first: the place of these."""
+        """The parameters, then the own values of recordings; first: the index of these."""
         places = {p.name: first + i for i, p in enumerate(lasting)}
         priors = {p.name: p.prior for p in lasting}
         own = [v for v in self.varying if v.declared and v.of in places]
@@ -241,7 +242,7 @@ class Model:
 
     @cached_property
     def _kinds(self) -> dict[str, slice]:
-        """Where in x the linear parameters of each kind stand, side by side."""
+        """Indices in x of the linear parameters of each kind, side by side."""
         places: dict[str, list[int]] = {}
         for i, p in enumerate(self.linear):
             places.setdefault(p.kind, []).append(i)
@@ -249,7 +250,7 @@ class Model:
 
     @cached_property
     def _scaled(self) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.int64]]:
-        """Values of the linear parameters at zero and scales, and which are factors, which bent."""
+        """Values of the linear parameters at zero, scales, and which are factors or sinh."""
         known = chain_values(self.nominal.chain) | {"gain": 1.0}
         at_zero = np.array([known.get(p.name, 0.0) for p in self.linear])
         factors = np.flatnonzero([p.kind in FACTORED for p in self.linear])
@@ -292,17 +293,17 @@ class Model:
 
     @property
     def varies(self) -> tuple[str, ...]:
-        """The parameters that were found to change (`Parameter.name`), each as often as it does."""
+        """The parameters that change (`Parameter.name`), each as often as it does."""
         own = self.parameters
         return tuple(own[p.index].name for p in own if self.is_found(p))
 
     def constant(self, x: Floats) -> tuple["Model", Floats]:
-        """Return the model in which nothing was found to change, and its x."""
+        """Return the model without changes, and its x."""
         keep = np.array([not self.is_found(p) for p in self.parameters])
         return replace(self, varying=tuple(v for v in self.varying if v.declared)), x[keep]
 
     def there(self, x: Floats, experiment: Experiment) -> Floats:
-        """Return x (..., parameters) as it was in a recording: its shares of all changes added."""
+        """Return x (..., parameters) as it was in a recording: with its shares of all changes."""
         shares = self.shares(experiment)
         if not shares:
             return x
@@ -313,7 +314,7 @@ class Model:
         return self.within(found)
 
     def _turned(self, index: int, x: Floats) -> Floats:
-        """Return x of an angle within half a turn: past its bounds it would stand still."""
+        """Return x with angles brought within half a turn, since a fit stops at their bounds."""
         p = self.parameters[index]
         if p.kind != "effect" or p.key not in self.effects[p.index].effect.turning:
             return x
@@ -322,7 +323,7 @@ class Model:
         return (np.mod(angle + np.pi, 2.0 * np.pi) - np.pi - value) / p.scale
 
     def shares(self, experiment: Experiment) -> tuple[tuple[int, float], ...]:
-        """Return how much of each change (its place in `parameters`) holds in a recording."""
+        """Return the share of each change (by index in `parameters`) in a recording."""
         if not self._changes:
             return ()
         shares = dict(experiment.shares) | dict.fromkeys(experiment.own_names, 1.0)
@@ -330,11 +331,11 @@ class Model:
 
     @property
     def linear_count(self) -> int:
-        """How many of the parameters are linear ones."""
+        """Number of linear parameters."""
         return len(self.linear)
 
     def size_of(self, index: int, x: Floats) -> float:
-        """Return by how much of its own x a parameter is nothing, or e times as much."""
+        """Return the change of its x for which a parameter is zero, or e times as large."""
         p, own = self.parameters[index], float(x[index])
         if p.kind == "effect":
             return abs(self.effects[p.index].values[p.key] / p.scale + own)
@@ -345,7 +346,7 @@ class Model:
         return 1.0 / p.scale if p.kind != "origin" else 1.0
 
     def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
-        """Return the model without some of its effects (their places in it), and its x."""
+        """Return the model without some of its effects (their indices in it), and its x."""
         own = self.parameters
         lost = {i for i, p in enumerate(own) if p.kind == "effect" and p.index in gone}
         lost |= {i for i, p in self._changes if p.index in lost}
@@ -356,12 +357,12 @@ class Model:
         return model, x[keep]
 
     def begun_at(self, x: Floats) -> tuple["Model", Floats]:
-        """Return the model whose effects begin where they are at x, and its x there."""
+        """Return the model whose effects start from their values at x, and its x there."""
         effects = [p.kind == "effect" for p in self.parameters]
         return replace(self, effects=self.effects_at(x)), np.where(effects, 0.0, x)
 
     def within(self, x: Floats) -> Floats:
-        """Return the nearest x (..., parameters) inside the bounds, off them by a margin."""
+        """Return the nearest x (..., parameters) inside the bounds, by a margin."""
         lower, upper = self._limits
         margin = 1e-9 * np.maximum(1.0, np.abs(x))
         return np.clip(x, lower + margin, upper - margin)
@@ -369,7 +370,7 @@ class Model:
     def linear_at(self, x: Floats) -> Floats:
         """Return the values (..., linear) of the linear parameters at x (..., parameters).
 
-        As `Parameter.value` has them, 0 at zero of those that the device file has no number for.
+        As `Parameter.value` has them; 0 at zero for those without a number in the device file.
         """
         at_zero, scale, factors, bent = self._scaled
         own = x[..., : scale.size].astype(np.float64, order="C")
@@ -381,7 +382,7 @@ class Model:
         return found
 
     def _chain_at(self, values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """The numbers of the chain (..., of each field) where the linear parameters are these."""
+        """The numbers of the chain (..., of each field) for these linear parameters."""
         n = self.nominal.chain.masses.size
         ends = (0, n, 2 * n, 3 * n - 1, 4 * n - 2)  # as `linear_parameters` has them
         fields = [np.ascontiguousarray(values[..., a:b]) for a, b in itertools.pairwise(ends)]
@@ -390,7 +391,7 @@ class Model:
         return masses, dampers, k0, springs, links
 
     def _one(self, values: Floats, kind: str, absent: float) -> Floats:
-        """The value (...,) of the linear parameter that is the only one of its kind."""
+        """The value (...,) of the only linear parameter of its kind."""
         if kind in self._kinds:
             return values[..., self._kinds[kind].start]
         return np.full(values.shape[:-1], absent)
@@ -398,7 +399,7 @@ class Model:
     def _values_at(self, x: Floats) -> list[Floats]:
         """The numbers of each effect (..., of it) at x (..., parameters).
 
-        Rounding may leave one a hair outside its bounds.
+        Rounding may leave one slightly outside its bounds.
         """
         t = self._trial
         own = np.broadcast_to(t.vector, (*x.shape[:-1], t.vector.size)).copy()
@@ -421,11 +422,11 @@ class Model:
         return self._device(x, acts=False)
 
     def acting(self, x: Floats) -> Device:
-        """Return the device at x less what `seen` takes off the recording: steps, lost commands."""
+        """Return the device at x without what `seen` subtracts from the recording."""
         return self._device(x, acts=True)
 
     def _device(self, x: Floats, acts: bool) -> Device:
-        """One of the last few devices again, which are asked for by one after the other, or new."""
+        """One of the last few devices, or a new one."""
         key = acts, np.asarray(x, dtype=np.float64).tobytes()
         device = self._built.get(key)
         if device is None:
@@ -450,14 +451,14 @@ class Model:
 
     @property
     def _ideal(self) -> dict[str, float]:
-        """Steps of the interface that a recording has already, or has had taken off."""
+        """Steps of the interface that the recording contains, or that were subtracted from it."""
         reads = self.sensor_error_known or not self.has("encoder_step")
         return {"command_step": 0.0} | ({"encoder_step": 0.0} if reads else {})
 
     def members(self, xs: Floats) -> Members:
         """Return the devices that are `acting` at many x (members, parameters), all at once.
 
-        Their numbers are those of `acting` bit for bit; `Members.check` raises what it raises.
+        Their numbers are those of `acting` bit for bit; `Members.check` raises the same errors.
         """
         values = self.linear_at(xs)
         found = replace(alike(self.nominal, xs.shape[0]), chains=Chains(*self._chain_at(values)))
@@ -472,11 +473,11 @@ class Model:
         return found.without_physics(lambda p: p.effect.in_recording)
 
     def is_found(self, parameter: Parameter) -> bool:
-        """Whether it is a change that no recording said of itself."""
+        """Whether it is a change that no recording declares."""
         return parameter.kind == "change" and parameter.name not in self._declared
 
     def is_linear(self, parameter: Parameter) -> bool:
-        """Whether it is in every hypothesis: a linear one, or what recordings have of one."""
+        """Whether it is in every hypothesis: a linear one, or a recording's own value of one."""
         if parameter.kind == "effect":
             return False
         if parameter.kind != "change":
@@ -495,9 +496,9 @@ class Model:
         return Reads(float(gain), float(origin), float(jitter), own, float(late), float(push))
 
     def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """Return what `reads` does at x (..., parameters): zeros (..., n), the others (...,).
+        """Return the results of `reads` at x (..., parameters): zeros (..., n), the others (...,).
 
-        A delay under trial is counted from the reading, and has the skew of the clock in it.
+        A delay under trial is counted from the reading, and includes the skew of the clock.
         """
         values = self.linear_at(xs)
         gain, origin, jitter, late = (
@@ -513,12 +514,11 @@ class Model:
         return gain, origin, 0.5 * jitter * push, zeros, late, push
 
     def plain(self, experiment: Experiment) -> Experiment:
-        """Return a recording as the model sees it at every x alike.
+        """Return a recording as the model reads it at every x.
 
-        Lost commands left out, the command in its steps, errors of the sensor's steps and the
-        device's own origin taken off.
-        Steps are taken here and not in the device: inside a fit they would turn every slope into
-        noise.
+        Lost commands are left out, the command is rounded to its steps, and errors of the sensor's
+        steps and the device's own origin are subtracted. Steps are applied here and not in the
+        device: inside a fit they would turn every slope into noise.
         """
         measured, command = experiment.measured, experiment.command
         if self.has("dropped_samples") and experiment.dropped is not None:
@@ -535,12 +535,12 @@ class Model:
         return replace(experiment, command=command, measured=measured, before=before)
 
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
-        """Return a recording as the model at x sees it: `plain`, then gain, origin, jitter, skew.
+        """Return a recording as the model at x reads it: `plain`, then gain, origin, jitter, skew.
 
-        Commands that arrive early or late by j in the mean of |j|, as often one as the other: the
-        velocity of m1 is read at the nominal instant, when an early one has acted for j already and
-        a late one not at all, which in the mean adds j / 2 m1 of each command's change to that
-        reading; later readings see both alike.
+        Commands arrive early or late by j in the mean of |j|, equally often. The velocity of m1 is
+        read at the nominal instant, when an early command has already acted for j and a late one
+        not at all; on average this adds j / 2 m1 of each command's change to that reading. Later
+        readings contain both fully.
         """
         own, x = x, self.there(x, experiment)
         plain, reads = self.plain(experiment), self.reads(x)
@@ -564,7 +564,7 @@ class Model:
         )  # fmt: skip
 
     def arriving_change(self, plain: Experiment) -> Floats:
-        """Return by how much the command that begins to act changes at each reading (ticks,)."""
+        """Return the change of the command that begins to act at each reading (ticks,)."""
         return np.diff(arriving(plain.on(self.nominal), plain.command), prepend=0.0)
 
     def _command_steps(self) -> list[float]:
@@ -613,7 +613,7 @@ def first_velocity(experiment: Experiment) -> int | None:
 
 
 def is_read(parameter: Parameter, experiments: Sequence[Experiment]) -> bool:
-    """Whether any output turns on a parameter; all do on those of what acts."""
+    """Whether any output depends on a parameter; on those of active physics all do."""
     if parameter.kind == "jitter":
         return any(first_velocity(e) is not None for e in experiments)
     if parameter.kind == "zero":
@@ -638,10 +638,10 @@ def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
 def _of_effect(
     name: str, index: int, p: Declared, value: float, scale: float, limits: tuple[float, float]
 ) -> Parameter:
-    """A parameter of an effect that a fit starts at a value.
+    """A parameter of an effect, with the start value of its fit.
 
-    Within the bounds that physics sets given the recording, which hold the start, and as far from
-    it as the effect says.
+    Within the bounds of physics for this recording, which include the start, and as far from it as
+    the effect allows.
     """
     lower = max(p.lower, min(limits[0], value))
     upper = min(p.upper, max(limits[1], value))
@@ -657,7 +657,7 @@ def _of_effect(
 
 
 def linear_parameters(device: Device) -> list[Parameter]:
-    """Return the refit's own parameters of a device; a gain only where its file leaves it open."""
+    """Return the refit's own parameters of a device; a gain only if its file leaves it free."""
     chain, known = device.chain, device.uncertainty
     n = chain.masses.size
     every = np.concatenate([np.abs(chain.ground_dampers), np.abs(chain.link_dampers)])

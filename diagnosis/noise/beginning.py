@@ -1,26 +1,28 @@
-"""Where an observer begins: the state at the first sample of a recording.
+"""The initial state of an observer at the first sample of a recording.
 
-An observer that trusts its model forgets a wrong beginning slowly, and the innovations until then
-look like physics. They are nearly linear in the beginning: e = e_0 + C x_0, solved for x_0 by least
-squares over the first `BEGINNING` ticks, C by differences of the device without what has creases.
-(Of its linear part alone C is wrong where damping grows with speed: from rest under a drag that
-left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck friction bought.) With creases, of
-which dry friction is the common one, C is only near: what holds forgets a speed at once. So two
-steps are made, and the best of them, of none and of rest is taken. Of motors with friction that
-begin at rest one step cost 77 to 560 more than rest, and a resonance that is none bought it; begun
-in motion two steps come within 140 of the best that was found, and one within 400.
+An observer that trusts its model forgets a wrong initial state slowly, and the innovations until
+then look like physics. They are nearly linear in the initial state: e = e_0 + C x_0. x_0 is found
+by least squares over the first `BEGINNING` ticks, with C from differences of the device without
+nonsmooth physics. (C of its linear part alone is wrong if damping grows with speed: starting from
+rest with a drag, it left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck friction then
+explained.) With nonsmooth physics, commonly dry friction, C is only approximate, since a mass that
+sticks forgets a speed at once. So two steps are made, and the best of these, of no step and of rest
+is taken. For motors with friction that start at rest, one step cost 77 to 560 more than rest, and a
+resonance that did not exist explained it. If they start in motion, two steps come within 140 of the
+best that was found, and one within 400.
 
-Play bends it more: a mass behind it begins on one side or the other, or between, and moves when it
-is met. So of a device with play Gauss and Newton's steps begin at that answer, and with what lies
-behind the play on either side of it.
+Play makes it more nonlinear: a mass behind it starts on one side or the other, or between them, and
+moves when it is hit. So for a device with play, steps of Gauss and Newton start at that answer, and
+with the parts behind the play on either side.
 
-Such motion is chaotic: two masses with play and friction in positions at 500 Hz, simulated freely
-from their true state, part from themselves in other substeps by 10 mrad within two seconds. At the
-truth, begun at ten samples, -2 ln likelihood is less by 0 to 450 under the likeliest noise where
-the motor alone is measured, by 1100 to 6700 over 50 ms. On the friction damper fits that alternate
-between parameters and a linear beginning ended about 90 above where they end so.
+Such motion is chaotic. Two masses with play and friction in positions at 500 Hz, simulated freely
+from their true state with another number of substeps, differ by 10 mrad within two seconds. At the
+truth, with ten samples as starts, -2 ln likelihood falls by 0 to 450 under the likeliest noise if
+only the motor is measured, and by 1100 to 6700 over 50 ms. On the friction damper, fits that
+alternate between parameters and a linear initial state ended about 90 higher.
 
-Limits: a least-squares answer of noisy readings, one valley of it for each of the beginnings tried.
+Limits: the answer is by least squares from noisy readings, in one valley for each of the starts
+tried.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -71,7 +73,7 @@ def _population(device: Device, count: int) -> Population:
 
 
 class Beginnings:
-    """Where observers of several gains begin to follow with one device."""
+    """Initial states of observers of several gains for one device."""
 
     def __init__(self, device: Device, gains: Sequence[Gain]) -> None:
         self.device, self.gains, self.dof = device, gains, device.chain.masses.size
@@ -82,11 +84,11 @@ class Beginnings:
         self.units = _population(self.smooth, states * count)
 
     def followed(self, experiment: Experiment, starts: Floats) -> Floats:
-        """Return innovations (gains, ticks, o) from a beginning (2n) each."""
+        """Return innovations (gains, ticks, o) from an initial state (2n) each."""
         return innovations_each(self.own, experiment, self.device, starts, self.gains)
 
     def of(self, experiment: Experiment) -> Floats:
-        """Return beginnings (gains, 2n): what is added to positions and velocities at first."""
+        """Return initial states (gains, 2n): what is added to positions and velocities at first."""
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
         begins = np.zeros((len(self.gains), 2 * self.dof))
         errors = self.followed(first, begins)
@@ -126,7 +128,7 @@ class Beginnings:
     def _step(
         self, begins: Floats, errors: Floats, slopes: Floats, units: Floats, scale: Floats
     ) -> Floats:
-        """A step of Gauss and Newton; none where something is not finite."""
+        """A step of Gauss and Newton; none if something is not finite."""
         found = begins.copy()
         with np.errstate(all="ignore"):
             left = (errors / scale[:, None]).reshape(errors.shape[0], -1)
@@ -138,7 +140,7 @@ class Beginnings:
 
 
 def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
-    """Return the recording with the state that the observer should begin with."""
+    """Return the recording with the initial state of the observer."""
     if experiment.before is not None:
         return replace(experiment, before=begun(device, experiment.before, observer))
     (linear,) = Beginnings(experiment.on(device), [observer.gain]).of(experiment)
@@ -146,22 +148,22 @@ def begun(device: Device, experiment: Experiment, observer: Observer) -> Experim
 
 
 def begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """Return a recording that begins as the same one does elsewhere: no second search for it."""
+    """Return a recording with the initial state of the same one elsewhere, without a search."""
     if e.before is None or other.before is None:
         return replace(e, start=other.start)
     return replace(e, before=begun_as(e.before, other.before))
 
 
 def with_play(physics: Iterable[Physics]) -> bool:
-    """Whether there is play among it, or what else keeps a fit in the valley where it began."""
+    """Whether its fits end in the valley where they begin, as with play."""
     return any(q.valleys for p in physics for q in p.effect.parameters)
 
 
 def smooth(device: Device) -> Device:
-    """Return the device whose differences say how its innovations turn on its beginning.
+    """Return the device whose differences show how innovations depend on the initial state.
 
-    Without what has creases: differences over a crease lead nowhere. Under dry friction that holds
-    no speed shows, and least squares would begin with a huge one.
+    Without nonsmooth physics, since differences over a crease are misleading. Under dry friction
+    that holds a mass no speed shows, and least squares would start with a huge one.
     """
     kept = tuple(p for p in device.physics if not p.effect.creased)
     return device if len(kept) == len(device.physics) else replace(device, physics=kept)
@@ -170,9 +172,9 @@ def smooth(device: Device) -> Device:
 def by_own_slopes(
     device: Device, experiment: Experiment, observer: Observer, linear: Floats
 ) -> Floats:
-    """Return the state (2n,) that a device with play begins with, or `linear` where none is better.
+    """Return the initial state (2n,) of a device with play, or `linear` if none is better.
 
-    linear: that of one step of Gauss and Newton, which devices without play begin with.
+    linear: the start of one step of Gauss and Newton, which devices without play use.
     """
     here = experiment.on(device)
     if not with_play(here.physics):
@@ -209,9 +211,9 @@ def _least(weighed: Callable[[Floats], Floats], begins: Floats) -> Floats:
 
 
 def _aside(device: Device, begin: Floats, usual: float) -> Floats:
-    """What lies behind each link with play across it, as fast as what is before it and otherwise.
+    """The part behind each link with play: on its other side, with the speed before it or not.
 
-    begin (2n,): added to the same position and velocity of all masses; usual: a speed.
+    begin (2n,): added to the same position and velocity of all masses; usual: a typical speed.
     """
     n, found = begin.size // 2, []
     for physics in device.physics:
@@ -227,7 +229,7 @@ def _aside(device: Device, begin: Floats, usual: float) -> Floats:
 
 
 def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) -> Floats:
-    """Gauss and Newton's answer, its slopes over a unit to both sides: wide beside a crease."""
+    """Result of Gauss and Newton's steps, with wide two-sided slopes because of creases."""
     sides = np.concatenate([np.eye(begin.size), -np.eye(begin.size)])
 
     def own(u: Floats) -> Floats:
@@ -245,7 +247,7 @@ def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) 
 
 
 def _units(experiment: Experiment, observer: Observer, masses: int) -> Floats:
-    """A deviation of what is measured, as positions and as velocities that reach it in a tick."""
+    """Noise of the measurement as positions, and as velocities that reach it in a tick."""
     return np.repeat([1.0, 1.0 / experiment.period], masses) * float(observer.deviation[0])
 
 
@@ -256,9 +258,9 @@ def innovations_each(
     starts: Floats,
     gains: Sequence[Gain],
 ) -> Floats:
-    """Return innovations (members, ticks, o) from a beginning (2n) and under a gain each.
+    """Return innovations (members, ticks, o) from an initial state (2n) and with a gain each.
 
-    Infinite from where one overflows. population: the device as often as there are members.
+    Infinite from an overflow on. population: one copy of the device for each member.
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)

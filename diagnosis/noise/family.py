@@ -1,12 +1,12 @@
-"""The models of the noise that a hypothesis may choose from, all judged at once.
+"""The noise models from which a hypothesis may choose, all evaluated at once.
 
-A model of the noise says how much of the motion is disturbance (the observer's ratio of process to
-measurement variance) and what colour and spread are left in each output (the filters that whiten
-the innovations, their covariance). For one device at one x the members of the family differ in
-their observers alone, so they are lanes of one population: the same device, a gain each.
+A model of the noise states how much of the motion is disturbance (the observer's ratio of process
+to measurement variance), and the colour and spread of the rest in each output (the filters that
+whiten the innovations, their covariance). For one device at one x, the members of the family differ
+only in their observers, so they are lanes of one population: the same device, with a gain each.
 
-Each observer begins where the first ticks say that it should (`noise.beginning`): e = e_0 + C x_0,
-linear in the beginning, C by the device without its nonlinear physics, a lane for every state.
+The first ticks determine where each observer starts (`noise.beginning`): e = e_0 + C x_0, linear in
+the initial state, with C from the device without its nonlinear physics, one lane for every state.
 """
 
 import math
@@ -44,10 +44,10 @@ NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
 
 @dataclass(frozen=True)
 class Family:
-    """The models of the noise that a hypothesis may choose from.
+    """The noise models from which a hypothesis may choose.
 
-    ratios: of their observers. whitening: whether what is left is taken to be white once filtered,
-    so that the next sample judges; without it, errors count as far ahead as the observer looks.
+    ratios: of their observers. whitening: whether the rest is taken as white after filtering, so
+    that the next sample decides; without it, errors count as far ahead as the observer looks.
     counts: as how many independent samples each then counts.
     """
 
@@ -56,19 +56,19 @@ class Family:
     counts: float = 1.0
 
     def of(self, ratio: float) -> "Family":
-        """Return the member of one ratio alone."""
+        """Return the family of one ratio alone."""
         return replace(self, ratios=(ratio,))
 
     def near(self, ratio: float) -> "Family":
-        """Return the members about one."""
+        """Return the family of ratios near one."""
         about = [r for r in self.ratios if abs(math.log10(r / ratio)) < NEAR_RATIOS]
         return replace(self, ratios=tuple(about))
 
 
 def blind(ratio: float) -> Family:
-    """Return the observer of one ratio, nothing of what it leaves whitened.
+    """Return the observer of one ratio, without whitening.
 
-    Whitened, every observer sees much the same.
+    After whitening, every observer gives about the same.
     """
     return Family((ratio,), whitening=False)
 
@@ -77,11 +77,11 @@ NEXT_SAMPLE = Family(tuple(FAMILY.tolist()))
 
 
 def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
-    """Return the noise under which errors count over a horizon [s], and the next sample does not.
+    """Return the noise model that counts errors over a horizon [s] and not in the next sample.
 
-    The steady observer of a rigid body that white force moves under white noise of its position
-    has poles of omega_0 with (omega_0 T)^4 = ratio, of its velocity omega_0 T = sqrt(ratio): it
-    forgets over T / ratio^(1/4), or T / ratio^(1/2).
+    The steady observer of a rigid body under white force with white noise of its position has poles
+    of omega_0 with (omega_0 T)^4 = ratio, of its velocity omega_0 T = sqrt(ratio): its memory is T
+    / ratio^(1/4), or T / ratio^(1/2).
     """
     first = experiments[0]
     power = 4.0 if any(o.quantity == "position" for o in first.outputs) else 2.0
@@ -90,10 +90,11 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
 
 @dataclass(frozen=True)
 class Noise:
-    """A model of the noise for a hypothesis: its observer, and where that begins.
+    """The noise model of a hypothesis: its observer, and the observer's initial state.
 
     starts: for each recording, what is added to positions and velocities (2n,) at its beginning.
-    cost: -2 log likelihood under it, up to a constant. weighed: the innovations so (samples,).
+    cost: -2 log likelihood with it, up to a constant. weighed: the innovations weighted by it
+    (samples,).
     """
 
     observer: Observer
@@ -114,9 +115,10 @@ def likeliest(
     family: Family = NEXT_SAMPLE,
     begun: Sequence[Floats] | None = None,
 ) -> Noise:
-    """Return the likeliest model of the noise; raises NoObserver where none follows.
+    """Return the likeliest noise model; raises NoObserver if none follows.
 
-    begun: where the observer of a device with play began nearby, so that it is not sought anew.
+    begun: where the observer of a device with play began nearby, so that this need not be searched
+    for again.
     """
     with reason("noise"):
         found = noises(experiments, model, x, family)
@@ -134,7 +136,7 @@ def likeliest(
 def noises(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> list[Noise]:
-    """Return the models of the noise under which the device at x can be followed."""
+    """Return the noise models with which the device at x can be followed."""
     ratios = np.array(family.ratios)
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
@@ -168,7 +170,7 @@ def _noise(
     errors: Sequence[Floats],
     experiments: Sequence[Experiment],
 ) -> Noise | None:
-    """The noise that an observer leaves so of recordings; None where it does not follow them."""
+    """The noise of recordings with an observer; None if it does not follow them."""
     if not all(np.all(np.isfinite(e)) for e in errors):
         return None
     share = told(experiments)
@@ -196,7 +198,7 @@ def _begun_with_play(
     noise: Noise,
     begun: Sequence[Floats] | None,
 ) -> Noise | None:
-    """The noise of an observer that begins where a device with play does; None where that is it."""
+    """The noise of an observer with the initial state for play; None if that is the same."""
     if not with_play((*model.nominal.physics, *model.effects)):
         return None
     device = model.acting(x)

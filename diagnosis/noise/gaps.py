@@ -1,18 +1,18 @@
-"""Gains of an observer over samples that were lost, and after them.
+"""Gains of an observer during and after gaps of a recording.
 
-A sample that was not measured corrects nothing, so what is not known of the state goes on growing,
-and the first samples after a gap correct by more:
+A sample that was not measured corrects nothing, so the uncertainty of the state continues to grow,
+and the first samples after a gap correct it by more:
 
     P_(k+1) = A (P_k - m_k K_k c P_k) A' + Q,    K_k = P_k c' (c P_k c' + R)^-1,
 
-m_k = 1 where sample k was measured and 0 where it was lost: Kalman's filter of the same linear
-model and noise as the steady observer (`noise.steady`), whose P is where this begins and returns
-to. (With the steady gain after each gap of 10 samples, under an unknown force as large as the
-command, a link's damper was wrong by 5 of its standard errors.)
+where m_k = 1 if sample k was measured and 0 if it was lost. This is Kalman's filter of the same
+linear model and noise as the steady observer (`noise.steady`), whose P is where this starts and
+returns to. (With the steady gain after each gap of 10 samples, under an unknown force as large as
+the command, a link's damper was wrong by 5 of its standard errors.)
 
-The P that a recording asks for are few, since gaps of one length are alike: each is met once, and
-taken for another where its covariances with the next readings, as many as there are states, are
-the same to `ALIKE`. What effects do is left out, as it is of the steady gain.
+A recording needs few different P, since gaps of one length are alike: each is computed once, and
+used for another if its covariances with as many following readings as there are states agree to
+`ALIKE`. Effects are neglected, as in the steady gain.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ MOST = 1000
 
 @dataclass(frozen=True, eq=False)
 class Returning:
-    """A steady gain (states, o), or (states, 2 o) with play, and what it follows from."""
+    """A steady gain (states, o), or (states, 2 o) with play, and the model behind it."""
 
     steady: Floats
     spread: Spread
@@ -48,9 +48,9 @@ Gain = Floats | Returning
 def returning(
     device: Device, experiments: Sequence[Experiment], ratio: float, gain: Floats
 ) -> Gain:
-    """Return a steady gain as one that knows gaps where recordings have some; else as it is.
+    """Return a steady gain as one that accounts for gaps, if recordings have some.
 
-    device, ratio: of which it is the gain. Raises NoObserver as `steady.spread`.
+    device, ratio: of the steady gain. Raises NoObserver like `steady.spread`.
     """
     if all(e.bridged is None for e in experiments):
         return gain
@@ -70,8 +70,8 @@ def with_steady(gain: Gain, steady: Floats) -> Gain:
 def along(gains: Sequence[Gain], lost: Lost | None) -> tuple[list[Floats], NDArray[np.int64]]:
     """Return gains and the first column of each sample's, as `sim.predict.Gains` has them.
 
-    lost (ticks,): which samples were not measured; without any, and of gains that know no gaps,
-    the gains as they are and (0,).
+    lost (ticks,): which samples were not measured. Without any, or for gains without knowledge of
+    gaps, returns the gains as they are and (0,).
     """
     made = tuple(g for g in gains if isinstance(g, Returning))
     if lost is None or len(made) < len(gains) or not lost.any():

@@ -1,9 +1,9 @@
-"""Innovations of a device on an experiment, under a fixed observer; and its free run.
+"""Innovations of a device on an experiment, with a fixed observer; and its free run.
 
-The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
-measured, on the linear part of the device (`noise.steady`). Only their ratio matters for
-the gain; it is chosen by likelihood (`noise.family`), and then stays fixed inside a fit: a fit
-that may change its own noise cheats with it.
+The gain comes from a noise model of two numbers, the process force at m1 per tick and the noise of
+the measurement, on the linear part of the device (`noise.steady`). Only their ratio matters for the
+gain. It is chosen by likelihood (`noise.family`) and then fixed inside a fit, since a fit that may
+change its own noise would do so in place of the parameters.
 """
 
 from collections.abc import Sequence
@@ -40,18 +40,17 @@ SHORTEST_WINDOW = 50  # ticks of a free run
 
 @dataclass(frozen=True)
 class Observer:
-    """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
+    """Gain (states, o), and the standard deviations (o,) of its innovations.
 
-    Of recordings with gaps a gain that knows them (`noise.gaps`).
+    For recordings with gaps, a gain that accounts for them (`noise.gaps`).
 
-    ratio: process force variance a tick, over measurement variance, in units of (noise unit per
-    force step of the rigid body), as `observer_for` takes it. whitening: W (o, o, order + 1) with
-    sum_k W_k e_(t-k) white, of unit variance, and of no correlation between outputs; None for none.
-    deviation is that of what the past of all outputs does not predict.
-    counts: as how many independent samples each counts, where what is left stays coloured
-    (`family.as_far_as`); deviation is then divided by its root, so that all that is weighed tells
-    so much less. told: share of the samples that count; the others are bridged, weigh
-    nothing, and are not counted, nor are those just after them.
+    ratio: process force variance per tick, over measurement variance, in units of (noise unit per
+    force step of the rigid body), as in `observer_for`. whitening: W (o, o, order + 1), for which
+    sum_k W_k e_(t-k) is white, of unit variance, and uncorrelated between outputs; None for none.
+    deviation is that of the part that the past of all outputs does not predict. counts: as how many
+    independent samples each counts if the innovations stay coloured (`family.as_far_as`); deviation
+    is then divided by its root, so that all weighted innovations count less. told: share of the
+    samples that count; the others are bridged or follow a gap, and have no weight.
     """
 
     gain: Gain
@@ -74,17 +73,17 @@ class Observer:
         return white
 
     def cost(self, white: Floats) -> float:
-        """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
+        """Return -2 log likelihood of weighted innovations (samples,), up to a constant.
 
-        The covariance left in them is concentrated out: n (ln det S_0 + ln det S), S_0 what `weigh`
-        divides by and S the covariance of what it returned; all of it counts `counts` times. n is
-        the number of samples that were measured.
+        Minimised over the covariance of the rest: n (ln det S_0 + ln det S), where `weigh` divides
+        by S_0 and S is the covariance of its result; all of it counts `counts` times. n is the
+        number of samples that were measured.
         """
         rows = white.reshape(-1, self.deviation.size)
         return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
 
     def cost_of(self, moments: Floats, rows: int) -> Floats:
-        """Return the same of sums of w w' over so many rows (members, o, o), w weighed."""
+        """Return the same from sums of w w' over so many rows (members, o, o), w weighted."""
         if self.whitening is None:
             divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
@@ -93,7 +92,7 @@ class Observer:
         return self.counts * known * (divided + np.linalg.slogdet(moments / known)[1])
 
     def filters(self) -> Floats:
-        """Return what `weigh` does as filters (o, o, taps)."""
+        """Return the operation of `weigh` as filters (o, o, taps)."""
         if self.whitening is not None:
             return self.whitening
         return np.diag(1.0 / self.deviation)[:, :, None]
@@ -116,23 +115,23 @@ def whitened(
 ) -> Observer:
     """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
 
-    experiments: the recordings, which say what does not count; without them all counts.
+    experiments: the recordings, which say which samples do not count; without them all count.
 
-    Autoregression by Yule and Walker over all outputs at once: a disturbance moves every mass, and
+    Autoregression by Yule and Walker over all outputs together: a disturbance moves every mass, and
     two outputs taken for independent would count it twice. Slopes depend on past readings only, so
-    innovations that are truly white draw no parameter from its truth, whatever noise the observer
-    was made for; those that are not let an effect explain their colour. Hence the high order: under
-    encoder noise of colour 0.6 to 0.7, order 8 had hysteresis gain a chi-square of 65 and 114 where
-    nothing was missing. Like the gain, the filter is estimated between fits and never inside one.
-    Colour that missing physics leaves is whitened too, which costs some of its weight and none of
-    its shape, and goes when the physics is found. So that no single line is taken out altogether,
-    the spectrum that the filter makes flat is smoothed: correlation at lag k counts
-    exp(-k^2 / 2 memory^2), a resolution of 1 / (2 pi memory T), 6.6 Hz at 1 kHz.
+    truly white innovations bias no parameter, whatever noise the observer was made for; coloured
+    ones let an effect explain their colour. Hence the high order: with encoder noise of colour 0.6
+    to 0.7, order 8 gave hysteresis a chi-square of 65 and 114 where nothing was missing. Like the
+    gain, the filter is estimated between fits and never inside one. Colour from missing physics is
+    whitened too; this costs some of its weight and none of its shape, and disappears when the
+    physics is found. So that no single line is removed completely, the spectrum that the filter
+    makes flat is smoothed: correlation at lag k counts exp(-k^2 / 2 memory^2), a resolution of 1 /
+    (2 pi memory T), 6.6 Hz at 1 kHz.
 
-    A sample that does not count has no innovation: it adds nothing to R_k, and R_k is counted over
-    as many as R_0, which keeps it that of a process.
+    A sample that does not count has no innovation: it adds nothing to R_k, and R_k is divided by
+    the same number as R_0, which keeps it the covariance of a process.
 
-    Raises NoObserver where no filter makes them white.
+    Raises NoObserver if no filter makes them white.
     """
     share = told(experiments)
     uncounted = [e.uncounted for e in experiments] or [None] * len(innovations)
@@ -169,7 +168,7 @@ def whitened(
     try:
         mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
     except np.linalg.LinAlgError as error:
-        raise NoObserver(f"the outputs are no two measurements: {error}") from error
+        raise NoObserver(f"the outputs are not independent measurements: {error}") from error
     whitening = mixed.reshape(filters.shape) / size[None, :, None]
     spread = size * np.sqrt(np.diag(covariance))
     return replace(observer, whitening=whitening, deviation=spread, told=share)
@@ -179,9 +178,9 @@ def whitened(
 class Fineness:
     """Substeps a tick: with smooth forces, and where friction turns or play opens or shuts.
 
-    Of smooth forces, counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves
-    below 2 sigma, enough to tell effects apart, FINAL below 0.5. SCREENING is for first fits. Of
-    friction and play: `python -m benchmarks.event_substeps`.
+    Errors for smooth forces, against 64 substeps, on 20 s at 20 times the limit (100 sigma):
+    SEARCHING leaves below 2 sigma, enough to distinguish effects, FINAL below 0.5. SCREENING is for
+    first fits. For friction and play: `python -m benchmarks.event_substeps`.
     """
 
     smooth: int
@@ -192,16 +191,16 @@ SCREENING, SEARCHING, FINAL = Fineness(2, 2), Fineness(4, 4), Fineness(8, 8)
 
 
 class Prepared(NamedTuple):
-    """A device ready to predict: in few substeps a tick, and in many."""
+    """A device prepared for prediction: with few substeps per tick, and with many."""
 
     coarse: Equations
     fine: Equations
 
 
 def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
-    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
+    """Prepare a device. A reversal inside a substep makes friction wrong for its rest.
 
-    Raises NoObserver where it needs more substeps a tick than `MOST_SUBSTEPS` (`enough`).
+    Raises NoObserver if it needs more substeps per tick than `MOST_SUBSTEPS` (`enough`).
     """
     few, many = substeps_of(device, fineness)
     coarse = equations(device, few)
@@ -211,7 +210,7 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
 def prepared_each(
     device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL
 ) -> list[Prepared]:
-    """Return the device as it was in each recording, prepared; once for those that say nothing."""
+    """Return the device as it was in each recording, prepared; once for those without changes."""
     plain = prepared(device, fineness)
     return [plain if e.changes is None else prepared(e.on(device), fineness) for e in experiments]
 
@@ -232,7 +231,7 @@ def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) ->
 def enough(device: Device) -> int:
     """Return the substeps a tick that dry friction of a device needs, 1 without it.
 
-    Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    Raises NoObserver if these are more than `MOST_SUBSTEPS`.
     """
     needed = enough_substeps(device)
     if needed > MOST_SUBSTEPS:
@@ -245,7 +244,7 @@ def enough(device: Device) -> int:
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
     """Return the memory at the first sample: masses at the first position, speed by slope.
 
-    What the recording is known to begin with besides (`begun`) is added.
+    The known initial state of the recording (`begun`) is added.
     """
     position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
     memory = start_memory(eq, Start(position, velocity), began=experiment.begins)
@@ -260,9 +259,9 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
 def memory_at(
     ready: Prepared, experiment: Experiment, device: Device, gain: Gain
 ) -> tuple[Memory, Floats | Gains]:
-    """Return the memory with which an observer begins a recording, and its gain as padded.
+    """Return the memory with which an observer begins a recording, and its padded gain.
 
-    Of the rest of a recording, that with which it ends what was recorded before.
+    For the rest of a recording, this is how the part before it ends.
     """
     eq, fine = ready
     (wide,), columns = along([gain], experiment.lost)
@@ -296,7 +295,7 @@ def observer_memories(
     """Return the memories of `observer_memory` for all members.
 
     motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n); began
-    [s]: how long the recording has gone on by then.
+    [s]: time since the start of the recording.
     """
     dof = population.dof
     whole = np.ones((population.size, dof - population.followers.shape[0]))
@@ -342,7 +341,8 @@ def innovations(
 def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
     """Return positions and velocities (ticks, 2n) of all masses as an observer predicts them.
 
-    By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
+    By outputs that correct nothing: their innovation for a measurement of zero is the negative
+    state.
     """
     n, o = device.chain.masses.size, len(experiment.outputs)
     sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
@@ -360,11 +360,11 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
 
 
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:
-    """Return what a device gives (ticks, o) under a command, its innovations e given (ticks, o).
+    """Return the outputs (ticks, o) of a device for a command and given innovations e (ticks, o).
 
     In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
-    begins the experiment. What reads a place that stays zero has what it measured for innovation;
-    outputs that correct nothing, measured as zero, are h turned round. Infinite after an overflow.
+    begins the experiment. An output of a place that stays zero has its measurement as innovation;
+    outputs that correct nothing, measured as zero, give -h. Infinite after an overflow.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places, o = experiment.places(eq), errors.shape[1]
@@ -384,7 +384,7 @@ def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -
 
 
 def _beside(gain: Floats | Gains, outputs: int, more: int) -> Floats | Gains:
-    """Gains with outputs that correct nothing after those of each."""
+    """Gains with outputs that correct nothing, after those of each."""
     of, columns = gain if isinstance(gain, Gains) else (gain, None)
     parts = of.reshape(of.shape[0], -1, outputs)
     wide = np.pad(parts, ((0, 0), (0, 0), (0, more))).reshape(of.shape[0], -1)
@@ -398,9 +398,9 @@ def padded(
 
     gain: one, or several beside each other, the steady one first.
 
-    A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
-    One made for readings that lag makes up for that, and may drive a device without the lag away:
-    then what is read is corrected as the reading was.
+    A further mass is corrected like the mass that it is attached to, otherwise every correction
+    would stretch its spring. A gain that is made for readings with a lag compensates the lag, and
+    may destabilise a device without it; then the reading is corrected as before.
     """
     full = np.zeros((eq.states, gain.shape[1]))
     known = min(gain.shape[0] // 2, eq.dof)
@@ -418,7 +418,7 @@ def padded(
 
 
 def copied(memory: Memory) -> Memory:
-    """Return a memory of its own, to go on from here twice."""
+    """Return a copy of a memory, to continue from it twice."""
     m = memory
     return Memory(
         m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
@@ -427,7 +427,7 @@ def copied(memory: Memory) -> Memory:
 
 
 def window(experiment: Experiment) -> int:
-    """Return the ticks of a free run: half a second, or a third of a recording that is shorter.
+    """Return the ticks of a free run: half a second, or a third of a shorter recording.
 
     At least `SHORTEST_WINDOW`, and never more than there are.
     """
@@ -436,9 +436,9 @@ def window(experiment: Experiment) -> int:
 
 
 def settling(experiment: Experiment) -> int:
-    """Return the ticks until the observer has found the state: none where it goes on from before.
+    """Return the ticks until the observer has settled: none if it continues from before.
 
-    What was recorded before the rest of a recording is followed first (`memory_at`).
+    The part before the rest of a recording is simulated first (`memory_at`).
     """
     before = experiment.before
     return SETTLING if before is None else max(0, SETTLING - before.ticks)
@@ -447,8 +447,8 @@ def settling(experiment: Experiment) -> int:
 def free_run_starts(experiment: Experiment, length: int) -> list[int]:
     """Return where free runs of so many ticks begin: one after the other, once settled.
 
-    Those in which the force of an event sets in or ends are left out, where others are left: it is
-    known as far as its own samples tell, and a free run adds its error up.
+    Windows in which the force of an event begins or ends are left out, if others remain: the force
+    is only known as well as its own samples show, and a free run accumulates its error.
     """
     possible = range(0, experiment.ticks - length + 1, length)
     settled = [first for first in possible if first >= settling(experiment)]
@@ -464,8 +464,8 @@ def free_run_errors(
 ) -> tuple[Floats, Floats]:
     """Return (errors, measured about its mean in each window), each (windows x window, o).
 
-    Both are zero where nothing was measured. Each window starts from the state that the observer
-    has at its beginning, then runs free.
+    Both are zero where nothing was measured. Each window starts in the observer's state at its
+    beginning, then runs free.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places = experiment.places(eq)
@@ -492,7 +492,7 @@ def free_run_errors(
 
 
 class FreeRuns(NamedTuple):
-    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they foretell."""
+    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they predict."""
 
     errors: Floats
     motion: Floats
@@ -503,7 +503,7 @@ def free_runs(
 ) -> list[FreeRuns]:
     """Return free runs of several lengths, as `free_run_errors` makes them.
 
-    most: of each length, evenly spread over the recording. The observer goes through it once.
+    most: of each length, evenly spread over the recording. The observer runs through it once.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places, o, n = experiment.places(eq), len(experiment.outputs), device.chain.masses.size
@@ -549,7 +549,7 @@ def free_runs(
 def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
     """Return the steady gain (states, o) for a ratio of process to measurement variance.
 
-    Raises NoObserver where there is none (`zwidth.diagnosis.noise.steady`).
+    Raises NoObserver if there is none (`zwidth.diagnosis.noise.steady`).
     """
     return steady(device, experiment, ratio).gain
 
@@ -558,7 +558,7 @@ def observer_near(device: Device, experiment: Experiment, ratio: float) -> Float
     """Return the gain for a ratio, or for the nearest one for which there is an observer.
 
     The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
-    not for the next. Raises NoObserver where there is none within six decades.
+    not for the next. Raises NoObserver if there is none within six decades.
     """
     for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
         with suppress(NoObserver):

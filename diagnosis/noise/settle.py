@@ -23,10 +23,10 @@ STILL = 0.5  # of -2 log likelihood, below which the turns agree
 def prepared_for(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> Problem:
-    """Return the recordings under the likeliest noise of a model at x; raises NoObserver.
+    """Return the recordings with the likeliest noise of a model at x; raises NoObserver.
 
-    Recordings of a device with play that know where they begin do so: it is dear to seek, and where
-    the observer of nearly the same model began does.
+    Recordings of a device with play carry their initial state, since finding it takes long. It is
+    kept from the observer of nearly the same model.
     """
     starts = [e.start for e in experiments if e.start is not None]
     play = with_play((*model.nominal.physics, *model.effects))
@@ -42,9 +42,9 @@ def fitted_in_turn(
     turns: int = TURNS,
     rounds: int = ROUNDS,
 ) -> tuple[float, Floats, float]:
-    """Fit a model from x and choose its noise anew, in turn: cost, x, and the observer's ratio.
+    """Fit a model from x and choose its noise again, in turn: cost, x, and the observer's ratio.
 
-    family: of the noise in the first turn; later ones go on from there.
+    family: of the noise in the first round; later rounds continue from there.
     """
     best = (np.inf, x, 1.0)
     for _ in range(turns):
@@ -62,9 +62,9 @@ def fitted_in_turn(
 def settle(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> tuple[Problem, Fitted]:
-    """Fit a model from x, choosing its noise anew between fits until both agree.
+    """Fit a model from x, choosing its noise again between fits until both agree.
 
-    family: as `fitted_in_turn` takes it. Raises NoObserver where none follows the recordings.
+    family: as in `fitted_in_turn`. Raises NoObserver if none follows the recordings.
     """
     _, x, ratio = fitted_in_turn(experiments, model, x, family)
     problem = prepared_for(experiments, model, x, NEXT_SAMPLE.near(ratio))
@@ -74,17 +74,17 @@ def settle(
 def refit(
     device: Device, experiments: Sequence[Experiment], effects: tuple[Physics, ...] = ()
 ) -> tuple[Problem, Fitted]:
-    """Fit the linear parameters, choosing the noise anew between fits until both agree."""
+    """Fit the linear parameters, choosing the noise again between fits until both agree."""
     model = Model(device, effects, tuple({} for _ in effects))
     return settle(experiments, model, np.zeros(model.linear_count))
 
 
 def cost_at(ratio: float, model: Model, x: Floats, experiments: Sequence[Experiment]) -> float:
-    """Return what a model costs under the observer of a ratio; infinite where there is none.
+    """Return the cost of a model with the observer of a ratio; infinite if there is none.
 
-    Whitened, another observer is another model of the noise, which alone made a recording likelier
-    by 120 in -2 log likelihood. So what another model is worth is held against the model in hand
-    under its own observer and under the other's.
+    After whitening, another observer is another model of the noise, and this alone changed a
+    likelihood by 120 in -2 log likelihood. So another model is compared with the current one under
+    the observers of both.
     """
     try:
         there = prepared_for(experiments, model, x, NEXT_SAMPLE.of(ratio))

@@ -1,43 +1,43 @@
 """The steady-state observer of a linear device: its gain and the covariance of innovations.
 
-The noise model has two numbers, a force at m1 held for a tick each and noise of what is measured,
-and only their ratio matters for the gain K = P c' (c P c' + R)^-1. P is what the observer does not
-know of the state before each sample, by the discrete algebraic Riccati equation
+The noise model has two numbers, a force at m1 held for a tick each and the noise of the
+measurement, of which only the ratio matters for the gain K = P c' (c P c' + R)^-1. P is the
+covariance of the state before each sample, from the discrete algebraic Riccati equation
 
     P = A (P - K c P) A' + Q.
 
-A device that no spring ties to ground, of which velocities alone are measured, has no such P: where
-it stands never shows, and what is not known of that grows for ever. How it moves does not depend on
-where it stands, though, and so neither does the gain. With q1, where it stands, apart from
-z = (the other positions less q1, velocities, actuator),
+If no spring ties a device to ground and only velocities are measured, there is no such P: the
+position never shows, and its uncertainty grows forever. But the motion does not depend on the
+position, and so neither does the gain. With q1, the position, separated from z = (the other
+positions less q1, velocities, actuator),
 
     z' = F z + noise,    q1' = q1 + g z + noise,    the output a function of z alone:
 
-the Riccati equation in z gives its gain L, and the covariance X of q1 with z, which does settle,
+the Riccati equation in z gives its gain L, and the covariance X of q1 with z, which does converge,
 
     X = (X + g P) (I - L c)' F' + Q_1z,
 
 is linear; the gain of q1 is X c' (c P c' + R)^-1. (A force held for a tick moves a mass by T / 2
-for each unit of velocity: so much of an innovation belongs to q1.)
+for each unit of velocity: this part of an innovation belongs to q1.)
 
-The gains of a population come from doubling, all members at once: with A_0 = A', G_0 = c' R^-1 c,
-H_0 = Q and W = (1 + G H)^-1,
+The gains of a population come from a doubling algorithm, for all members at once: with A_0 = A',
+G_0 = c' R^-1 c, H_0 = Q and W = (1 + G H)^-1,
 
     A <- A W A,    G <- G + A W G A',    H <- H + A' H W A    (A, G, H on the right from before)
 
-goes through 2^k ticks of the recursion in k steps, and H becomes P (Chu, Fan, Lin & Wang, Int. J.
+performs 2^k ticks of the recursion in k steps, and H becomes P (Chu, Fan, Lin & Wang, Int. J.
 Control 77(8), 2004).
 
-While a link with play carries nothing, what lies behind it moves on its own, and an error of m1's
-reading says nothing of it. Corrected all the same, as in contact, it was moved by each such error,
-and parameters and effects that are none were fitted to where it came to lie. On two masses, the
-motor alone measured, 8 s at 1 kHz, the truth cost 1640 more in -2 ln than now, and a fit of its
-structure 240 less than the truth, where it now costs 75 less. So a device with play has two gains
-beside each other, (states, 2 o): that in contact, and for as long as a pin is off its sides
-(`sim.predict`) the same without what lies behind a cut link and has no output. What has one keeps
-its gain: with noise of its own in place of that of the whole, two masses that are both measured
-were likeliest with a gap that they never cross. Of several links with play one that is free counts
-as all; how much less is known of what moved on its own for longer is left out.
+While a link with play carries no force, the mass behind it moves on its own, and an error of m1's
+reading says nothing about it. If it were corrected as in contact, each such error would move it,
+and parameters and spurious effects would be fitted to the result. On two masses with only the motor
+measured, 8 s at 1 kHz, the truth cost 1640 more in -2 ln than now, and a fit of its structure 240
+less than the truth, where it now costs 75 less. So a device with play has two gains, (states, 2 o):
+one in contact, and, as long as a pin is off its sides (`sim.predict`), one without the parts behind
+a cut link that have no output. Parts with an output keep their gain: with noise of their own in
+place of that of the whole, two masses that are both measured were likeliest with a gap that they
+never cross. If one of several links with play is free, all count as free; the growing uncertainty
+of a part that moves on its own is neglected.
 """
 
 from collections.abc import Sequence
@@ -65,17 +65,17 @@ UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is r
 
 
 class NoObserver(ArithmeticError):
-    """No observer exists for a model, or the model runs away under it: an answer, and no mistake.
+    """No observer exists for a model, or the model runs away under it: a result, not a mistake.
 
-    A search leaves such a model out. It is no ValueError, so that a mistake in the code, which
-    often shows as one, is not taken for it.
+    A search leaves such a model out. This is no ValueError, so that it is not confused with a
+    programming error, which often raises one.
     """
 
 
 class Steady(NamedTuple):
     """Gain (states, o), and the innovations' deviations (o,) over that of a measured position.
 
-    With play the gain is (states, 2 o): in contact, and while the link carries nothing.
+    With play the gain is (states, 2 o): in contact, and while the link carries no force.
     """
 
     gain: Floats
@@ -83,10 +83,10 @@ class Steady(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What an observer does not know of the state, and what it follows from.
+    """The covariance of an observer's state, and the matrices behind it.
 
     P (states, states) before a sample, motion A over a tick, c (o, states), process noise Q and
-    noise R of what is measured; of several observers all but R with a first axis of members.
+    measurement noise R; for several observers all but R have members as first axis.
     """
 
     p: Floats
@@ -106,7 +106,8 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """Return the steady observer for a ratio of process to measurement variance.
 
     The process noise is in units of the force that moves the whole mass by one noise unit within a
-    tick, which keeps the ratio free of the device's units. Raises NoObserver where there is none.
+    tick, which makes the ratio independent of the device's units. Raises NoObserver if there is
+    none.
     """
     found, _ = _in_contact(device, experiment, ratio)
     if links := links_with_play(device):
@@ -138,7 +139,7 @@ def steady_gains(
 ) -> Floats:
     """Return the gains (members, states, o) of devices with the same number of states.
 
-    Of the same noise as `steady`; ratio: (members,), or one for all. NaN for a member without an
+    For the same noise as `steady`; ratio: (members,), or one for all. NaN for a member without an
     observer.
     """
     ratios = np.broadcast_to(ratio, len(devices)).astype(np.float64)
@@ -149,16 +150,16 @@ def steady_gains(
 
 
 def spread(device: Device, experiment: Experiment, ratio: float) -> Spread:
-    """Return what the steady observer of `steady_gains` does not know of the state of a device.
+    """Return the covariance of the state in `steady_gains` of a device.
 
-    Where the device stands unseen, as if m1's place were known, which no gain depends on. Raises
-    NoObserver where there is none.
+    If the position of the device is not observed, P is that for a known position of m1, which no
+    gain depends on. Raises NoObserver if there is none.
     """
     if _stands_unseen(device.plant(), experiment):
         return _in_contact(device, experiment, ratio)[1]
     p, motion, c, process, noise = _spreads([device], experiment, np.array([ratio]))
     if not np.all(np.isfinite(p)):
-        raise NoObserver("no steady observer: the equation of its covariance does not settle")
+        raise NoObserver("no steady observer: the equation of its covariance does not converge")
     return Spread(p[0], motion[0], c, process[0], noise)
 
 
@@ -188,7 +189,7 @@ def links_with_play(device: Device) -> tuple[int, ...]:
 def with_apart(
     device: Device, links: Sequence[int], experiment: Experiment, gains: Floats
 ) -> Floats:
-    """Return gains (..., states, o) with those beside them while links carry nothing (..., 2 o)."""
+    """Return gains (..., states, o) with those for links that carry nothing (..., 2 o)."""
     chain = device.chain
     springs, dampers = chain.link_springs.copy(), chain.link_dampers.copy()
     springs[list(links)] = dampers[list(links)] = 0.0
@@ -210,10 +211,10 @@ def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Fl
 
 
 def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
-    """Return P (members, n, n), NaN where it does not settle.
+    """Return P (members, n, n), NaN if it does not converge.
 
-    States are measured in what the observer does not know of them, so that the inverse is of a
-    matrix near 1 whatever the units.
+    States are scaled by their uncertainty, so that the inverse is of a matrix near 1 whatever the
+    units.
     """
     unit = np.sqrt(np.diagonal(process, axis1=1, axis2=2)).max(axis=0)
     a = (motion * unit / unit[:, None]).swapaxes(1, 2)
@@ -254,9 +255,9 @@ def noise_scale(experiment: Experiment) -> Floats:
 
 
 def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
-    """What the outputs are of the state, (o, size); a position that is read late, of its speed too.
+    """The outputs as functions of the state, (o, size); a late position depends on its speed too.
 
-    An observer that knew nothing of that would correct too much: one of large gain runs away.
+    An observer without this would correct too much; one of large gain diverges.
     """
     places, rows = experiment.places(of), np.arange(len(experiment.outputs))
     c = np.zeros((rows.size, size))
@@ -271,9 +272,9 @@ def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
 
 
 def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
-    """Whether an observer of that gain (states, o) forgets how it began: (1 - L c) A shrinks.
+    """Whether an observer of that gain (states, o) forgets its start: (1 - L c) A shrinks.
 
-    What stands unseen it need not.
+    An unobserved position need not converge.
     """
     plant = device.plant()
     a, _ = hold(plant, experiment.period)
@@ -285,7 +286,7 @@ def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
 
 
 def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
-    """Whether neither an output nor a spring to ground says where the device stands."""
+    """Whether neither an output nor a spring to ground shows the position of the device."""
     stiffness = plant.matrices.stiffness
     ties = np.abs(stiffness.sum(axis=1))
     free = bool(np.all(ties <= UNTIED * np.abs(np.diag(stiffness))))
@@ -295,7 +296,7 @@ def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
 def _of_motion(
     plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats
 ) -> tuple[Steady, Spread]:
-    """The observer of a device that stands unseen, as the module says; all in its own states."""
+    """The observer of a device whose position is not observed, as the module says."""
     others = np.eye(plant.size)[1:]
     others[: plant.dof - 1, 0] = -1.0  # z = others x
     back = np.zeros((plant.size, plant.size - 1))

@@ -1,19 +1,19 @@
 """The force of a drive that prescribes a motion, as the position where its spring ends.
 
-A bench that moves one end of a device and measures the force there has a motion for a command and
-a force for an output. Its drive is a spring of known stiffness K to the end that is moved (the load
-cell and what holds it: `[drive] kind = "position"`), so that what it pushes with says where the
-device's own end is,
+On a bench that moves one end of a device and measures the force there, a motion is the command and
+a force the output. Its drive is a spring of known stiffness K to the moved end (the load cell and
+its mount: `[drive] kind = "position"`), so its force gives the position of the device's own end,
 
     F = K (u - q)    gives    q = u - F / K,
 
-u the motion and q the position of m1. That is a measurement like any other, and what a model gets
-wrong of it is, times K, what it gets wrong of the force. A K that is too high leaves its share of
-the compliance to the device's first spring; one too low cannot be made up for.
+where u is the motion and q the position of m1. This is a measurement like any other; the error of a
+model in q, times K, is its error in the force. If K is too high, the rest of the compliance is
+attributed to the device's first spring; if it is too low, nothing can compensate it.
 
-Such a motion is smooth between its samples (`sim/smooth_command.py`): no mass could follow steps.
+Such a motion is smooth between its samples (`sim/smooth_command.py`), since no mass could follow
+steps.
 
-Limits: no damping in the drive, and no limit that it reaches.
+Limits: the drive has no damping and reaches no limit.
 """
 
 from dataclasses import dataclass
@@ -49,9 +49,9 @@ class Pushed:
 
 
 def drive_stiffness(device: Device, changes: Changes | None) -> float:
-    """Return K [N/m | N m/rad] of the drive of a run; 0 where there is none that tells a position.
+    """Return K [N/m | N m/rad] of the drive of a run; 0 if none shows a position.
 
-    A drive with damping does not: its force is not that of a spring alone.
+    A drive with damping is excluded, since its force is not that of a spring alone.
     """
     there = device if changes is None else changes.of(device)
     loops = [p.values for p in there.physics if p.effect.name == "position_servo"]

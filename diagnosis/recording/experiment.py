@@ -42,11 +42,11 @@ SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
 class Placed(Protocol):
-    """What has places of positions, and where each mass is read (`sim/reading.py`)."""
+    """A device that has indices of positions, and where each mass is read (`sim/reading.py`)."""
 
     @property
     def dof(self) -> int:
-        """After how many the velocities begin."""
+        """Index of the first velocity."""
         ...
 
     @property
@@ -63,9 +63,9 @@ class ExperimentError(ValueError):
 class Output:
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
 
-    less: the mass that it is measured from, as the deflection of a link is; None for the ground.
-    truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after the
-    instant at which the commands act, negative before it; the channel is the same all the same.
+    less: the mass relative to which it is measured, for the deflection of a link; None for the
+    ground. truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after
+    the instant at which the commands act, negative before it; this does not change the channel.
     """
 
     quantity: str
@@ -87,7 +87,7 @@ class Output:
 
     @property
     def tells_position(self) -> bool:
-        """Whether it says where the device is, and not only how it moves or gives way."""
+        """Whether it shows the device's position, and not only its speed or deflection."""
         return self.quantity == "position" and self.less is None
 
 
@@ -204,7 +204,7 @@ class Experiment:
         return self.command.size
 
     def places(self, of: Placed) -> Outputs:
-        """Return where the outputs stand in a state, as they are read or as they truly are."""
+        """Return the indices of the outputs in a state, as read or as they truly are."""
 
         def place(o: Output, mass: int) -> int:
             row = int(o.quantity == "velocity")
@@ -219,11 +219,10 @@ class Experiment:
         )  # fmt: skip
 
     def external(self, dof: int, force: Floats | None = None) -> Floats:
-        """Return what acts besides the command on so many masses, as the kernel takes it.
+        """Return the forces besides the command on so many masses, in the kernel's form.
 
-        force: in place of the recording's own `force`; what was recorded acts besides.
-        (ticks, dof) of a force (ticks, some of them), (ticks, dof + 1) where the base moves, and
-        (0, dof) for nothing.
+        force: in place of the recording's own `force`; recorded forces act in addition. Returns
+        (ticks, dof), or (ticks, dof + 1) if the base moves, and (0, dof) for no force.
         """
         own_force = self.force if force is None else force
         acting = [f for f in (own_force, self.pushes) if f is not None]
@@ -235,7 +234,7 @@ class Experiment:
         return wide if self.base is None else np.column_stack([wide, self.base])
 
     def unmoved(self) -> "Experiment":
-        """Return it without what was recorded to move the device besides its command."""
+        """Return it without the recorded forces besides its command."""
         return replace(self, force=None, base=None, pushes=None)
 
     def part(self, start: int, stop: int) -> "Experiment":
@@ -252,7 +251,7 @@ class Experiment:
         )
 
     def joined(self) -> "Experiment":
-        """Return it with what was recorded before it: what `split` took apart."""
+        """Return it joined with the part before it: the inverse of `split`."""
         first = self.before
         if first is None:
             return self
@@ -278,15 +277,15 @@ class Experiment:
         )
 
     def _sampled(self) -> dict[str, Any]:
-        """What it has at every sample, (ticks, ...), by the names of its fields."""
+        """Its values at every sample, (ticks, ...), by the names of its fields."""
         every = {name: getattr(self, name) for name in SAMPLED}
         return {name: values for name, values in every.items() if values is not None}
 
     def pauses(self) -> NDArray[np.bool_]:
-        """Return which samples (ticks,) are of a pause: nothing is asked and nothing moves.
+        """Return which samples (ticks,) are of a pause: no command and no motion.
 
-        Both lie still against what they do in the whole recording, for a tenth of it: a
-        device that sticks under a command that changes is no pause, and says much.
+        Both stand still, relative to the whole recording, for a tenth of it. A device that sticks
+        under a changing command is no pause, and says much.
         """
         found = np.zeros(self.ticks, dtype=np.bool_)
         ends = np.linspace(0, self.ticks, BLOCKS + 1).round().astype(np.int64)
@@ -304,9 +303,10 @@ class Experiment:
         return found
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
-        """Return the first share of what happens to fit on, and the rest to judge by.
+        """Return the first share of what happens, to fit, and the rest, to judge.
 
-        Pauses do not count: a recording that ends in one would be judged by nothing.
+        Pauses do not count, since a recording that ends in one would otherwise be judged by
+        nothing.
         """
         happens = np.cumsum(~self.pauses())
         cut = int(np.searchsorted(happens, round(share * int(happens[-1])))) + 1
@@ -315,7 +315,7 @@ class Experiment:
 
 
 def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment]:
-    """Return the first samples of recordings, as many of each, `ticks` of all together at most."""
+    """Return the first samples of recordings, equally many of each, `ticks` in total at most."""
     share = max(1, ticks // len(experiments))
     return [e.part(0, min(share, e.ticks)) for e in experiments]
 
@@ -345,8 +345,8 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     if found[0].less is not None:
         raise ExperimentError(
-            f"the recording has {found[0].name} and no position or velocity of a mass: how"
-            " far a link gives way does not say how the device moves; name one of a mass beside it"
+            f"the recording has {found[0].name} but no position or velocity of a mass, which is"
+            " needed beside the deflection of a link; add one as [[output]] to the recording's TOML"
         )
     kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
     for o in found:
@@ -396,7 +396,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
 
 
 def _as_read(trace: Trace) -> Trace:
-    """Return a log of a simulation whose readings were filtered with what was read of m1."""
+    """Return a log of a simulation whose readings were filtered, with the reading of m1."""
     read = "position_filtered_m1"
     if trace.origin != "simulated" or read not in trace.channels:
         return trace
@@ -406,7 +406,7 @@ def _as_read(trace: Trace) -> Trace:
 
 
 def _covariates(trace: Trace) -> tuple[Covariate, ...]:
-    """What parameters may follow; over samples that lack it goes straight."""
+    """The quantities that parameters may follow; missing samples are interpolated linearly."""
     found: list[Covariate] = []
     for channel in (c for c in trace.channels if c.startswith(f"{COVARIATE}_")):
         values = trace[channel]
@@ -425,7 +425,7 @@ def _covariates(trace: Trace) -> tuple[Covariate, ...]:
 def _told_by_force(
     trace: Trace, device: Device, changes: Changes | None
 ) -> tuple[Trace, Pushed | None]:
-    """Return a trace with the position that a drive's force tells first, where it is recorded."""
+    """Return a trace with the position from a recorded drive force first."""
     if FORCE not in trace.channels or "command" not in trace.channels:
         return trace, None
     if "position_m1" in trace.channels:
@@ -433,8 +433,8 @@ def _told_by_force(
     stiffness = drive_stiffness(device, changes)
     if stiffness == 0.0:
         raise ExperimentError(
-            f"the recording has the force of the drive, {FORCE}, and the device no drive that it"
-            " would tell a position of; describe it in the device file as [drive] kind ="
+            f"the recording has the force of the drive, {FORCE}, but the device has no drive whose"
+            " position follows from it; describe it in the device file as [drive] kind ="
             ' "position" with its stiffness and without damping, or name another output'
         )
     counts = 1.0 if changes is None else changes.command_gain
@@ -447,7 +447,7 @@ def _told_by_force(
 
 
 def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
-    """Return the command (ticks,), zero where none was recorded, and what to say of it."""
+    """Return the command (ticks,), zero if none was recorded, and a note."""
     if "command" not in trace.channels:
         free = not any(c in trace.channels for c in OUTSIDE)
         drives = "nothing drives" if free else "no command drives"
@@ -462,7 +462,7 @@ def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
 
 
 def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
-    """Return the motions that a device has, and the names of those of masses that it has not."""
+    """Return the motions that a device has, and the names of motions of masses that it lacks."""
     masses = device.chain.masses.size
     found: list[Output] = []
     beyond: list[str] = []
@@ -484,10 +484,10 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
 def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Experiment]:
     """Return a recording as the stretches between its gaps, usually one.
 
-    Short gaps are bridged (`Experiment.bridged`). Beyond, samples are lost, repeated or of another
-    time where the clock jumps; told as one, they would look like physics. A sample at which the
-    command or an output is not finite is lost, too. Raises ExperimentError as `experiment`, and
-    where no stretch is long enough.
+    Short gaps are bridged (`Experiment.bridged`). At longer gaps and jumps of the clock, samples
+    are lost, repeated or of another time; read as one recording, they would look like physics. A
+    sample at which the command or an output is not finite is lost, too. Raises ExperimentError like
+    `experiment`, and if no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
@@ -539,14 +539,15 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
 
 
 def uncounted(bridged: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which samples (ticks,) are not judged by: gaps, and `RETURNS` as many after each.
+    """Return which samples (ticks,) do not count: gaps, and `RETURNS` as many after each.
 
     An observer predicts over a gap without correction, and its first errors after it are larger. On
-    two masses with a mode of 34 Hz at 500 Hz, under an unknown force as large as the command, 10 of
-    every 60 samples lost, what is counted so has the deviation that it has without gaps to 1.3 %,
-    and all parameters are as near the truth in their errors; were as many more counted, the
-    deviation would be 1.55 times that, and a mass wrong by 5 of its errors (`noise.gaps` gives the
-    gains after a gap; under a steady one a damper was wrong by 5 whatever was left out).
+    two masses with a mode of 34 Hz at 500 Hz, under an unknown force as large as the command, with
+    10 of every 60 samples lost, the samples that are counted have the same deviation as without
+    gaps, to 1.3 %, and all parameters are as close to the truth, relative to their errors. If as
+    many more samples were counted, the deviation would be 1.55 times that, and a mass wrong by 5 of
+    its errors. (`noise.gaps` gives the gains after a gap; with the steady gain a damper was wrong
+    by 5 whatever was left out.)
     """
     found = bridged.copy()
     edges = np.flatnonzero(np.diff(bridged.astype(np.int8), prepend=0, append=0))
@@ -558,9 +559,9 @@ def uncounted(bridged: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _as_it_moved(
     trace: Trace, period: float, used: Sequence[str], name: str
 ) -> tuple[Trace, list[str]]:
-    """A recording with what its sensors and its clock do to a motion put right, and what was.
+    """A recording with faults of its sensors and its clock corrected, and notes of them.
 
-    Raises ExperimentError where a sensor is read more slowly than the log is written.
+    Raises ExperimentError if a sensor is read more slowly than the log is written.
     """
     if trace.origin != "recorded":
         return trace, []
@@ -595,15 +596,15 @@ def _refuse_unknown(name: str, values: Floats) -> None:
 
 
 def _refuse_forces(trace: Trace, device: Device, name: str) -> None:
-    """Refuse known forces on masses that a device does not have, and in another unit."""
+    """Refuse known forces on masses that a device lacks, or in another unit."""
     masses, unit = device.chain.masses.size, "N m" if device.rotary else "N"
     for place, channel in enumerate(KNOWN_FORCES):
         if channel not in trace.channels:
             continue
         if place >= masses:
             raise ExperimentError(
-                f"{name} has {channel}, and the device {masses} mass{'' if masses == 1 else 'es'};"
-                " let it act on one of those"
+                f"{name} has {channel}, but the device has {masses}"
+                f" mass{'' if masses == 1 else 'es'}; name one of these"
             )
         if trace.units[channel] not in (unit, ""):
             raise ExperimentError(

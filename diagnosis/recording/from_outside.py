@@ -1,16 +1,16 @@
 """Recorded inputs other than the command: motion of the base, and measured forces.
 
-Positions are counted from the base, as the encoders of a device on it count them. In them every
-mass feels - m a besides all other forces, a the acceleration of the base, exactly. The kernel holds
-a over a tick, at its mean there,
+Positions are counted from the base, as the encoders of a device on it count them. In these
+coordinates every mass feels exactly - m a besides all other forces, where a is the acceleration of
+the base. The kernel holds a over a tick, at its mean there,
 
     acceleration    (a_k + a_(k+1)) / 2, to second order in the tick
     velocity        (v_(k+1) - v_k) / T, exactly
     position        the same of the slopes of the cubic spline through it: what noise it has
                     comes out 1 / T^2 as large, and is smoothed by the device's own inertia alone
 
-and so a force that was measured where it acts, a hand's on its handle. No such force is predicted;
-what its sensor errs by is a disturbance.
+and likewise a force that was measured where it acts, such as a hand's on its handle. Such a force
+is not predicted; the error of its sensor is a disturbance.
 """
 
 import numpy as np

@@ -1,15 +1,15 @@
 """The force in a link, measured by a load cell, expressed as the link's deflection.
 
-A load cell between two masses is a spring of known stiffness K, so that its reading
+A load cell between two masses is a spring of known stiffness K, so its reading
 
     F = K (q_i - q_j)    gives    q_i - q_j = F / K,
 
-the deflection of the link: a measurement that says nothing of where the device is, and much of what
-stands on either side of the cell. K is that of the link in the device file. A cell is calibrated,
-so its K is held to be known well; a link whose stiffness is a guess is no load cell, and a wrong K
-shows as a deflection that counts wrong.
+gives the deflection of the link: a measurement that says nothing about the position of the device,
+and much about the parts on either side of the cell. K is that of the link in the device file. A
+cell is calibrated, so K is assumed to be known well. A link whose stiffness is a guess cannot serve
+as a load cell; a wrong K shows as a deflection with a wrong scale.
 
-Limits: a cell without a damper, whose force is that of its spring alone.
+Limits: a cell without a damper, whose force is only that of its spring.
 """
 
 import re
@@ -21,10 +21,10 @@ LINK_FORCE = re.compile(r"force_(link([1-4])([2-5]))$")
 
 
 def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple[str, ...]]:
-    """Return a trace with the deflections that forces of links tell, and what to say of them.
+    """Return a trace with the deflections from forces of links, and notes of them.
 
     A force of a link that the device does not have is left as it is, and so is one beside a
-    deflection that was measured itself.
+    measured deflection.
     """
     channels, units = dict(trace.channels), dict(trace.units)
     said: list[str] = []
@@ -41,8 +41,8 @@ def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple
         units[deflection] = "rad" if device.rotary else "m"
         unit = "N m/rad" if device.rotary else "N/m"
         said.append(
-            f"{channel} of {name} is taken as what {match[1]} gives way, at the {stiffness:.6g}"
-            f" {unit} of the device file"
+            f"{channel} of {name} is taken as the deflection of {match[1]}, with the"
+            f" {stiffness:.6g} {unit} of the device file"
         )
     if not said:
         return trace, ()

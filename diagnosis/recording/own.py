@@ -6,8 +6,8 @@
     "coulomb_friction@m1.level" = "dry"   # a number of an effect, in the device file or found
 
 An encoder counts from where it was switched on, and a carriage that was taken off its pinion and
-put back stands elsewhere on it: `position` frees whatever of an effect says where in the position
-it stands (the phase of a ripple, the angle of a pendulum).
+put back stands elsewhere on it. `position` frees the numbers of effects that depend on the origin
+of positions (the phase of a ripple, the angle of a pendulum).
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ CHAIN = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_damp
 
 
 def own_of(table: Mapping[str, str], device: Device) -> tuple[tuple[str, str], ...]:
-    """Return (parameter, word) of each; raises DeviceError for what no fit has."""
+    """Return (parameter, word) of each; raises DeviceError for one that no fit has."""
     found: list[tuple[str, str]] = []
     for key, word in table.items():
         if not word.strip():
@@ -52,7 +52,7 @@ def _names(key: str, device: Device) -> list[str]:
 
 
 def _anchored(masses: int) -> list[str]:
-    """What says where in the position something stands: an angle in it that may turn."""
+    """The angle of an effect that depends on the origin of positions."""
     return [
         f"{label_of(name, place)}.{p.name}"
         for name, effect in LIBRARY.items()

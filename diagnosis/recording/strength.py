@@ -12,11 +12,11 @@ ON = 0.5
 
 
 def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return the strength (ticks,) of the drive, None where nothing says it, and what to say of it.
+    """Return the strength (ticks,) of the drive, None if it is not recorded, and a note.
 
-    The supply over its nominal voltage, and zero where the drive was off. Raises ValueError where
-    it was never on, where a supply is not positive, or where a loop on the position has no limit
-    through which it could be scaled.
+    The supply over its nominal voltage, and zero while the drive was off. Raises ValueError if it
+    was never on, if a supply is not positive, or if a loop on the position has no limit through
+    which it could be scaled.
     """
     known = [c for c in (ENABLE, SUPPLY) if c in trace.channels]
     if not known:
@@ -25,8 +25,8 @@ def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None
     supply = trace[SUPPLY] if SUPPLY in known else np.ones(len(trace))
     if not on.any():
         raise ValueError(
-            f"[enable] of {name} is never {ON:g} or more, so that its drive was never on; correct"
-            " the signal or its scale, or leave [input] out for a motion that nothing drives"
+            f"[enable] of {name} is never {ON:g} or more, so its drive was never on; correct"
+            " the signal or its scale, or leave [input] out for a free motion"
         )
     if not np.all(supply[on] > 0.0):
         raise ValueError(
@@ -39,8 +39,8 @@ def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None
     looped = {p.effect.name for p in device.physics}
     if "position_servo" in looped and "servo_limit" not in looped:
         raise ValueError(
-            f"{name} says when its drive was on or what supplied it, and the drive of the device"
-            " file has no limit; give [drive] a limit, which is then scaled"
+            f"{name} has [enable] or [supply], but the drive of the device file has no limit that"
+            " they could scale; give [drive] a limit"
         )
     off = int(np.count_nonzero(~on))
     said = f"the drive of {name} is off in {off} of {len(trace)} samples, and gives no force there"

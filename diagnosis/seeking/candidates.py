@@ -15,11 +15,11 @@ from zwidth.sim.place import Place, place_at
 
 @dataclass(frozen=True)
 class Start:
-    """One effect at one place with starting values, and the scales of its free parameters.
+    """One effect at one place with start values, and the scales of its free parameters.
 
-    bounds: what physics allows of them, given the recording; of what is not named, what the effect
-    allows. own: what recordings have of its numbers (`model.own_values`), by the name of that: of
-    which number, and how much more of it.
+    bounds: the physical ones for this recording; for numbers not named, those of the effect. own:
+    numbers of it that recordings have of their own (`model.own_values`), by their name: which
+    number, and how much more of it.
     """
 
     physics: Physics
@@ -28,7 +28,7 @@ class Start:
     own: Mapping[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
 
     def beyond(self, names: Sequence[str], scales: Mapping[str, float]) -> list[float]:
-        """Return x of what recordings have of it, of so many names; scales: of its numbers."""
+        """Return x of the recordings' own values of it, in order of names; scales: its numbers'."""
         more = (self.own.get(name) for name in names)
         return [0.0 if own is None else own[1] / scales[own[0]] for own in more]
 
@@ -38,7 +38,7 @@ class Start:
         return place_label(self.physics)
 
     def scaled(self, factor: float) -> "Start | None":
-        """Return the start with the effect a factor as strong, None where that has no meaning."""
+        """Return the start with a multiple of its strength, None if that has no meaning."""
         effect = self.physics.effect
         names = effect.magnitudes
         if not names:
@@ -53,10 +53,11 @@ class Start:
         return replace(self, physics=replace(self.physics, values=values), scales=scales)
 
     def as_strong_as(self, other: Physics) -> "Start | None":
-        """Return the start with the strength of another effect; None where theirs do not compare.
+        """Return the start with the strength of another effect; None if they do not compare.
 
-        A law that contains another, or is contained in it, begins best where the other ended. Of
-        one with several strengths (friction that differs by direction) the largest counts.
+        The fit of a law that contains another, or is contained in it, starts best where the other
+        ended. Of one with several strengths (friction that differs by direction) the largest
+        counts.
         """
         own, its = self.physics.effect, other.effect
         if own.strength is None or its.strength is None:
@@ -73,7 +74,7 @@ class Start:
 
 
 def candidates(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> list[Start]:
-    """Return all starts for a device and its recordings; gain: as `sizes_of` takes it."""
+    """Return all starts for a device and its recordings; gain: as in `sizes_of`."""
     sizes = sizes_of(device, experiments, gain)
     masses = device.chain.masses.size + len(device.hosts())
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}

@@ -1,22 +1,23 @@
 """Quantisation steps and lost commands: no gradient leads to them; found by their period.
 
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
-the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try. The
-best of N steps explains 2 ln N of chance, that is as many independent numbers; whatever follows a
-command of fewer levels than that is as few numbers, and some step explains anything.
+the periods of the missing force over u (`diagnosis.forces.spatial`) show which steps to try. The
+best of N steps explains 2 ln N by chance, so N counts as that many independent numbers. If the
+command has fewer levels than that, some step explains anything.
 
 encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
-within some spread, so what is taken off is the mean of s over that spread,
+within some spread, so the mean of s over that spread is subtracted,
 
     sum (-1)^n step / (pi n) exp(-2 (pi n spread / step)^2) sin(2 pi n x / step),
 
-the spread by chi-square. It is held fixed inside a fit.
+with the spread of least chi-square. It is fixed inside a fit.
 
-dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
+dropped_samples: a command lost at tick k changes the force by d = u_(k-1) - u_k for one tick. Its
 log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
-tick), and it is lost where L_k exceeds the odds against; the likeliest first, its echo taken off g.
-Of a lost command L_k is normal, of mean and half its variance d_k^2 n / 2: where the command hardly
-changes no loss is seen, and the rate is the number seen over the sum of the odds to be seen.
+tick), and it counts as lost if L_k exceeds the odds against; the likeliest first, after which its
+effect is subtracted from g. For a lost command L_k is normal, with mean and half its variance d_k^2
+n / 2. Where the command hardly changes no loss shows, so the rate is the number of losses seen over
+the sum of the probabilities to see one.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,7 +54,7 @@ SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 @dataclass(frozen=True)
 class Stepped:
-    """A trial of one of these effects. gained: chi-square; price: what the search cost of it."""
+    """A trial of one of these effects. gained: chi-square; price: penalty for its search."""
 
     label: str
     problem: Problem
@@ -65,7 +66,7 @@ class Stepped:
 def stepped_trials(
     problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
 ) -> list[Stepped]:
-    """Return the trials of steps and lost commands on top of a fitted model."""
+    """Return the trials of steps and lost commands beside a fitted model."""
     tries = {
         "command_step@command": partial(command_step, problem, fitted),
         "encoder_step@sensor": partial(encoder_step, problem, fitted, experiments),
@@ -135,7 +136,7 @@ def encoder_step(
 
 
 class _Moved:
-    """Chi-square after a refit to first order, for innovations that have moved."""
+    """Chi-square after a refit to first order, for changed innovations."""
 
     def __init__(self, fitted: Fitted) -> None:
         self.off, self.fitted = Complement(fitted.jacobian), fitted
@@ -171,7 +172,7 @@ class _StepLoss:
         self.model, self.experiments, self.positions = model, experiments, positions
 
     def in_steps(self, step: float, share: float) -> list[Experiment]:
-        """Return recordings that know what steps add; share: the spread over the step."""
+        """Return recordings that contain the error of steps; share: the spread over the step."""
         return [
             replace(e, sensor_error=mean_error(q, step, share))
             for e, q in zip(self.experiments, self.positions, strict=True)
@@ -188,7 +189,7 @@ class _StepLoss:
 
 
 def mean_error(position: Floats, step: float, share: float) -> Floats:
-    """Return what steps add at positions known within a normal spread of share x step."""
+    """Return the mean effect of steps at positions known within a spread of share x step."""
     if share == 0.0:
         return step * np.round(position / step) - position
     total = np.zeros_like(position)
@@ -278,9 +279,9 @@ def dropped_samples(
 
 
 def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
-    """Return a fit whose lost commands have the rate that they have under its own noise.
+    """Return a fit whose lost commands have the rate for its own noise.
 
-    What was found on the way to it was seen under the noise of a model that lacked more.
+    Losses found earlier were seen with the noise of a model that lacked more.
     """
     names = [p.effect.name for p in fitted.model.effects]
     lost = sum(int(e.dropped.sum()) for e in problem.experiments if e.dropped is not None)
@@ -296,10 +297,9 @@ def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
-    """Return which commands (ticks,) of each recording were lost, at the rate that a model knows.
+    """Return which commands (ticks,) of each recording were lost, at the rate of a model.
 
-    What a fit has found of one recording says nothing of another: which commands were lost is a
-    fact of each.
+    A fit of one recording says nothing about another: which commands were lost is a fact of each.
     """
     echo = _echo(problem, fitted)
     lost = [np.zeros(e.ticks, dtype=np.bool_) for e in problem.experiments]
@@ -313,7 +313,7 @@ def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
 
 
 def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
-    """Return how many commands' loss would be seen in the recordings: the sum of the odds."""
+    """Return how many lost commands would show in the recordings: a sum of probabilities."""
     return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)
 
 
@@ -325,7 +325,7 @@ def _echo(problem: Problem, fitted: Fitted) -> Floats:
 
 
 def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> float:
-    """Sum of the odds that a lost command exceeds what `_pursue` asks of it."""
+    """Sum of the probabilities that a lost command exceeds the threshold of `_pursue`."""
     least = DELIVERED - float(np.log(rate / (1.0 - rate)))
     seen = 0.0
     for e in experiments:
@@ -336,9 +336,9 @@ def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> f
 
 
 def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:
-    """Mark lost commands in `lost`, the likeliest first, each with its echo taken off g.
+    """Mark lost commands in `lost`, the likeliest first; the effect of each is subtracted from g.
 
-    Neighbours of a lost command look lost as well, until what it did is taken off.
+    Neighbours of a lost command look lost as well, until its effect is subtracted.
     """
     g = g.copy()
     while int(lost.sum()) <= MOST_LOST * command.size:

@@ -8,7 +8,7 @@ from zwidth.sim.physics.effect import Effect, Physics
 
 
 def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
-    """Return how strong an effect is, zero for not at all; None where there is no such number.
+    """Return how strong an effect is, zero for none; None if there is no such number.
 
     Of friction the level, of a cubic spring the absolute coefficient, of a gain asymmetry
     |ratio - 1|, of a saturation how far its limit lies below the largest command, `peak`, of a
@@ -26,9 +26,9 @@ def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
 
 
 def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Physics | None:
-    """Return the effect a factor as strong; None where its parameters do not reach that far.
+    """Return the effect with a multiple of its strength; None if its bounds do not allow it.
 
-    What says how large and not how strong (a ripple's period, a Stribeck velocity) stays.
+    Parameters of shape and not of strength (a ripple's period, a Stribeck velocity) stay.
     """
     effect, values = physics.effect, dict(physics.values)
     if effect.strength is None:

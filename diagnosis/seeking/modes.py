@@ -1,12 +1,14 @@
-"""Starts for a further mass on a spring: at the frequencies that the residual itself shows.
+"""Starts for a further mass on a spring, at the frequencies that the residual shows.
 
-A mass m on a spring and damper pulls its host with F = -m H(s) a, a the host's acceleration and
+A mass m on a spring and damper pulls its host with F = -m H(s) a, where a is the host's
+acceleration and
 
     H = (2 z w s + w^2) / (s^2 + 2 z w s + w^2),
 
-linear in m for given w and z. So the chi-square that the best m > 0 gains is one convolution for
-each w and z, where a fit from the wrong w finds nothing: a resonance is narrow. Limits: a is the
-acceleration of the device without the mass, so starts are good while m is small beside the host.
+which is linear in m for given w and z. So one convolution for each w and z gives the chi-square
+that the best m > 0 gains; a fit from the wrong w finds nothing, since a resonance is narrow.
+Limits: a is the acceleration of the device without the mass, so starts are good while m is small
+against the host.
 """
 
 import math

@@ -14,9 +14,10 @@ ELSEWHERE = ("lattice", "folding")  # ways of seeking that no prediction of a st
 
 
 def open_places(device: Device) -> list[tuple[Effect, Place]]:
-    """Return effects and places that a device has not yet.
+    """Return effects and places that a device does not have yet.
 
-    Of a family (laws of the same thing) a place has one. What the device file knows is not sought.
+    A place has at most one of a family (laws of the same thing). Effects in the device file are not
+    sought.
     """
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}
     families = {(p.effect.family, p.place.acts_on) for p in device.physics if p.effect.family}
@@ -39,7 +40,7 @@ def open_places(device: Device) -> list[tuple[Effect, Place]]:
 def starts_at(
     effects: Sequence[tuple[Effect, Place]], sizes: Sizes, far: bool
 ) -> dict[str, list[Start]]:
-    """Return starts by label; far: over all plausible magnitudes, else about the limit."""
+    """Return starts by label; far: over all plausible magnitudes, else near the limit."""
     found: dict[str, list[Start]] = {}
     for effect, place in effects:
         if not sizes.driven and effect.of_command:

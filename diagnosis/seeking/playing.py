@@ -1,22 +1,23 @@
 """Whether there is play, by a scan of its width: no fit, a fraction of a second per link.
 
 An effect whose fit ends in the valley where it begins (`Parameter.valleys`: play) has no useful
-slope: a gap that is a tenth too wide meets its sides at other times. So a hypothesis is held
-against itself with gaps of every width, closer than the valley is wide, as lanes of one call. Each
-time under observers that trust it more and more, and at two places in x: its own, which a fit
-without play has bent (a softer link), and that of the device file.
+slope: a gap that is a tenth too wide is closed at other times. So a hypothesis is compared with
+itself with gaps of many widths, spaced closer than the valley is wide, as lanes of one call. This
+is done under observers that trust the model more and more, and at two points x: its own, to which a
+fit without play has adapted (a softer link), and that of the device file.
 
-What each observer shows is no answer yet: on two masses of a CSV alone (1 kHz, 8 s, 20 mrad) best
-gaps were 2 to 4 mrad, at a k of 14 for 60 N m/rad, and gained 125 to 309 in -2 ln; on others they
-lay within 30 % of the truth and gained up to 7800. No fit follows from there, since play's valley
-is as narrow as its gap is well known: fits from such gaps had ended at costs of -131 100, and
-a cubic spring at -132 500. A population reached -135 100 in a second, and the fit that follows
--138 100, where the truth is. Under which observer they arrive differs (1e-4 there, 1e-2 or 1e-5 on
-others), and gains under different observers do not compare. So each that shows play has a
-population, from its own gap, and what arrives is held against the rest under its own noise.
+One observer's result is no answer yet. On two masses of a CSV alone (1 kHz, 8 s, 20 mrad) the best
+gaps were 2 to 4 mrad, with a k of 14 instead of 60 N m/rad, and gained 125 to 309 in -2 ln; on
+others they were within 30 % of the truth and gained up to 7800. No fit can start there, since
+play's valley is as narrow as its gap is well known: fits from such gaps had ended at costs of -131
+100, and a cubic spring at -132 500. A population reached -135 100 in a second, and the fit after it
+-138 100, which is the truth. The observer that succeeds differs (1e-4 there, 1e-2 or 1e-5 on
+others), and gains under different observers cannot be compared. So each observer that shows play
+has a population of its own, starting at its gap, and each result is compared with the rest under
+its own noise.
 
-Limits: what is left is not whitened, so that a gain counts errors as independent that are not; it
-asks for populations and decides nothing.
+Limits: the residual is not whitened, so a gain counts dependent errors as independent. It only
+starts populations and decides nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -49,7 +50,7 @@ BEYOND = 2.0  # times, that gaps go beyond the starts at both ends
 
 
 class Played(NamedTuple):
-    """A model with play at x, what it gains over the model without, and under which observer."""
+    """A model with play at x, its gain over the model without, and the observer used."""
 
     model: Model
     x: Floats
@@ -60,12 +61,12 @@ class Played(NamedTuple):
 def scanned(
     experiments: Sequence[Experiment], model: Model, x: Floats, starts: Sequence[Start]
 ) -> list[Played]:
-    """Return the likeliest gap by each observer that shows one, the one that gains most first.
+    """Return the likeliest gap for each observer that shows one, the largest gain first.
 
-    experiments: as far as is looked at; starts: of one effect with one number, at one place. A gap
-    gains what it costs less than no play at the best of the places in x, and at least
-    `PURSUIT.clear_sign`: at a place that is wrong it softens the link, and gains 2000 to 3600 where
-    there is none; held against the better place, nothing.
+    experiments: as far as is looked at; starts: of one effect with one number, at one place. The
+    gain of a gap is its cost below that without play at the better point x, and at least
+    `PURSUIT.clear_sign`. At a wrong place a gap softens the link, and gains 2000 to 3600 where
+    there is none; compared with the better point it gains nothing.
     """
     if not starts:
         return []
@@ -92,11 +93,12 @@ def scanned(
 def arrivals(
     experiments: Sequence[Experiment], shown: Sequence[Played], members: int, generations: int
 ) -> Iterator[tuple[Model, Arrived]]:
-    """Yield where populations arrive from what a scan shows, each under the observer that does.
+    """Yield the results of populations that start from a scan, each with its observer.
 
-    experiments: as far as they grow in; members, generations: of a population that looks for the
-    valley of a fit. From farther off it is twice as many for half as long: 16 arrived nowhere on
-    the two masses above; 40 generations arrive as near as 80, for a fit to end.
+    experiments: the part used for populations; members, generations: of a population that starts
+    near. From farther away it has twice as many members for half as many generations: 16 members
+    did not arrive on the two masses above; 40 generations come as near as 80, which is enough for a
+    fit to finish.
     """
     plan = Generations(2 * members, max(generations // 2, 1), SPREAD)
     asked = [partial(evolve, experiments, s.model, [s.x], s.ratio, plan) for s in shown]
@@ -116,7 +118,7 @@ def _places(model: Model, x: Floats) -> Iterator[Floats]:
 
 
 class _Tried(NamedTuple):
-    """The likeliest gap at one place in x, what it costs, and what no play costs there."""
+    """The likeliest gap at one point x, its cost, and the cost without play there."""
 
     model: Model
     x: Floats

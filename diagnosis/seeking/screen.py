@@ -1,9 +1,10 @@
 """How much of the residual could each effect explain? One prediction per start, no fit.
 
-With r the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of an
-effect switched on at a start, the best that effect and refit can do together at that magnitude is,
-to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain over |(I - P) r|^2 is
-the start's score, a chi-square. What the refit absorbs is thereby gone before anything is named.
+Let r be the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of
+an effect switched on at a start. To first order, the best residual of effect and refit together at
+that magnitude is |(I - P)(r + s)|^2, where P is the projector on the span of J. The reduction from
+|(I - P) r|^2 is the start's score, a chi-square. So what a refit could absorb is removed before any
+effect is named.
 """
 
 import math
@@ -29,7 +30,7 @@ HOPEFUL = 0.02  # the same as a share of the best start's
 
 @dataclass(frozen=True)
 class Screened:
-    """A start with its score, its signature off the refit's span, and what absorbs the rest.
+    """A start with its score, its signature orthogonal to the refit, and the refit's share.
 
     shift: of the refit's x, to first order.
     """
@@ -41,7 +42,7 @@ class Screened:
 
 
 class Complement:
-    """Projection off the span of a Jacobian."""
+    """Projection orthogonal to the span of a Jacobian."""
 
     def __init__(self, jacobian: Floats) -> None:
         left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
@@ -63,7 +64,7 @@ def screen(
 ) -> list[Screened]:
     """Return all starts with their scores, best first, at most one per effect and place.
 
-    stage: of which a start that fails is named (`zwidth.diagnosis.mishaps`).
+    stage: under which an error of a start is reported (`zwidth.diagnosis.mishaps`).
     """
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
@@ -98,7 +99,7 @@ def screen(
 
 
 def second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
-    """Return starts at the strength or phase that would fit best were signatures linear in it.
+    """Return starts at the strength or phase of best fit, if signatures were linear in it.
 
     least: chi-square that they must gain to first order.
     """
@@ -121,8 +122,8 @@ def turned_starts(scored: Sequence[Screened], base: Floats, least: float = 0.0) 
 
     least: chi-square that they must gain to first order.
 
-    A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures tell both; a
-    phase on the wrong side would have to fit its way through zero.
+    A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures determine both;
+    from a phase on the wrong side a fit would have to pass through zero.
     """
     quarters: dict[tuple[object, ...], dict[float, Screened]] = {}
     for one in scored:

@@ -1,16 +1,15 @@
 """Screens a model's candidates: view of its residual, and scores of all starts (`screen`).
 
-With r the weighed residual of a hypothesis, J its slopes and s = r_c - r the signature of an
-effect switched on at a start, the best that effect and parameters can do together at that magnitude
-is, to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain over
-|(I - P) r|^2 is the start's score.
+Let r be the weighted residual of a hypothesis, J its slopes and s = r_c - r the signature of an
+effect switched on at a start. To first order, the best residual of effect and parameters together
+at that magnitude is |(I - P)(r + s)|^2, where P is the projector on the span of J. The reduction
+from |(I - P) r|^2 is the start's score.
 
-What it shows depends on how far ahead one looks. One sample ahead, whitened, an effect near the
-limit of what can be seen stands out by its exact shape. What is strong has bent the parameters and
-the model of the noise to itself and hides there; over a long horizon (an observer that trusts the
-model) it stands out by a factor. So a hypothesis is looked at in several views: under its own
-noise, and under slow observers at its own parameters and at those of the device file, which the
-refit may have left for the worse.
+The score depends on the horizon. One sample ahead, after whitening, an effect near the limit of
+detection shows by its exact shape. A strong effect has distorted the parameters and the noise model
+and hides there; over a long horizon (an observer that trusts the model) it shows clearly. So a
+hypothesis has several views: with its own noise, and with slow observers at its own parameters and
+at those of the device file, in case the refit has gone astray.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +39,7 @@ WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth 
 
 @dataclass(frozen=True)
 class View:
-    """A model at x under one observer, with residual and slopes. own: under its likeliest noise."""
+    """A model at x with one observer, with residual and slopes. own: with its likeliest noise."""
 
     problem: Problem
     model: Model
@@ -51,12 +50,12 @@ class View:
 
     @property
     def samples(self) -> int:
-        """Number of weighed innovations in the residual."""
+        """Number of weighted innovations in the residual."""
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
     @property
     def fitted(self) -> Fitted:
-        """The same, as what reads a residual takes it."""
+        """The same, in the form that functions of a residual take."""
         chi2 = float(self.residual @ self.residual)
         return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
 
@@ -72,7 +71,7 @@ def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
 def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened]:
     """Return the best start of each label, the highest score first.
 
-    Scores are in units of the residual's own variance a sample.
+    Scores are in units of the residual's own variance per sample.
     """
     if not np.all(np.isfinite(seen.slopes)):
         return []
@@ -125,7 +124,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
 
 
 def shown_starts(seen: View) -> list[Start]:
-    """Return starts that the residual itself shows: periods over position, resonances."""
+    """Return starts that the residual shows: periods over position, resonances."""
     found: list[Start] = []
     with isolated("candidates", "what repeats over position"):
         found += wave_starts(seen.problem, seen.fitted)

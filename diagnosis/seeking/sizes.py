@@ -16,14 +16,14 @@ FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures 
 
 
 def sizes_of(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> Sizes:
-    """Return the sizes over all recordings: of m1 as measured, of the rest as an observer follows.
+    """Return sizes over all recordings: of m1 as measured, of the rest as an observer follows.
 
-    gain: by which the command counts in a model, beyond what the device says: of a drive whose
-    scale is open all forces are as much larger, and the bounds of what may hold a mass still.
+    gain: factor of the command in a model, in addition to the device's. If the scale of a drive is
+    free, all forces are larger by it, and so are the bounds of forces that may hold a mass.
 
-    Where no observer follows, every mass moves as m1 does, and a link gives way as at rest. What a
-    free motion is driven by is what stores its energy: of a swing of any frequency m v^2 / x, v and
-    x the rms speed and position, since k x = m omega^2 x.
+    If no observer follows, every mass is taken to move as m1 does, and a link to deflect as at
+    rest. In a free motion the reference force is that of the energy store: for a swing of any
+    frequency m v^2 / x, with the rms speed v and position x, since k x = m omega^2 x.
     """
     command = gain * np.concatenate([_force(device, e) for e in experiments])
     positions: list[Floats] = []
@@ -89,7 +89,7 @@ def _rates_beside(experiments: Sequence[Experiment]) -> bool:
 
 
 def _force(device: Device, experiment: Experiment) -> Floats:
-    """Force of the drive: the command as it counts, less what a servo's own part gives back."""
+    """Force of the drive: the scaled command, minus the servo's own reaction."""
     force = device.interface.command_gain * experiment.command
     counts = 1.0 if experiment.strengths is None else experiment.strengths
     if not (loops := [p for p in device.physics if p.effect.name == "position_servo"]):
@@ -105,7 +105,7 @@ def _force(device: Device, experiment: Experiment) -> Floats:
 
 
 def _followed(device: Device, experiments: Sequence[Experiment]) -> Floats | None:
-    """Positions and velocities (ticks, 2n) of all masses; None where no observer follows."""
+    """Positions and velocities (ticks, 2n) of all masses; None if no observer follows."""
     bare = device.bare()
     try:
         gain = observer_near(bare, experiments[0], FOLLOWING)

@@ -1,4 +1,4 @@
-"""Starts for effects that repeat over position, at the periods that the residual itself shows."""
+"""Starts for effects periodic in position, at the periods that the residual shows."""
 
 import math
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.seeking.scr
 
 
 def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
-    """Return starts at periods that gain more than their search, over the lines of all places.
+    """Return starts at periods that gain more than their search costs, over all places.
 
-    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart.
+    A start has the effect's own strength, and one of two phases, a quarter turn apart.
     """
     if problem.experiments[0].outputs[0].quantity != "position":
         return []
@@ -57,7 +57,7 @@ def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
 
 
 def _own(effect: Effect, place: Place, problem: Problem, fitted: Fitted) -> dict[str, list[int]]:
-    """Places of recordings in which a phase is their own, by the name of that; "" is first."""
+    """Groups of recordings with a phase of their own, by its name; "" is first."""
     (turning,) = effect.turning
     target = f"{label_of(effect.name, place)}.{turning}"
     names = [v.name for v in fitted.model.varying if v.declared and v.of == target]
@@ -88,7 +88,7 @@ def _at_period(
 
 
 def _sought(device: Device, fitted: Fitted) -> dict[Effect, list[Place]]:
-    """What may repeat over position, and where."""
+    """What may be periodic in position, and where."""
     named = {place_label(p) for p in (*device.physics, *fitted.model.effects)}
     found: dict[Effect, list[Place]] = {}
     for effect in EFFECTS.values():

@@ -10,12 +10,12 @@ from zwidth.diagnosis.settings import PURSUIT
 class Effort:
     """How many hypotheses a search fits.
 
-    effects: at most, in one hypothesis. beam: hypotheses gone on from. near, far: effects begun of
-    what stands out in a view under the likeliest noise, and in a far one; judged: of each view,
-    under their own noise; ended: of a round, fitted to their end. rivals: begun in the place of
-    each effect, beside: of them, fitted to their end. generations, members: of a population that
-    looks for the valley anew. rounds: of adding and exchanging. surfaces: whether laws of no name
-    over two states are asked for.
+    effects: at most, in one hypothesis. beam: number of hypotheses that continue. near, far: starts
+    fitted from a view with the likeliest noise, and from a long-horizon view; judged: of each view,
+    evaluated with their own noise; ended: of a round, fitted to the end. rivals: starts in place of
+    each effect, beside: of them, fitted to the end. generations, members: of a population that
+    searches for the valley again. rounds: of adding and exchanging. surfaces: whether learned laws
+    over two states are sought.
     """
 
     effects: int = 5

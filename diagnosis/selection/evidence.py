@@ -1,37 +1,37 @@
 """The quantities that decide between hypotheses.
 
-A hypothesis H is a structure S (which effects, where), their parameters theta and a model of the
-noise. It costs
+A hypothesis H is a structure S (which effects, where), its parameters theta and a model of the
+noise. Its cost is
 
     cost(H) = -2 ln p(y | theta, noise) - 2 ln p(theta)              how well it explains
             + ln det A - k ln 2 pi + 2 sum_k ln range_k              what its freedom costs
             - 2 ln P(S)                                              how common such physics is
             + 2 ln (alternatives searched)                           what was looked through
 
-at its best theta: Laplace's approximation of -2 ln of the evidence p(y, S), A half the curvature of
-the first line over all parameters (J'J + 1 for each prior), k effect parameters that are uniform
-over a range each, from nothing to the most that is plausible. With one parameter of standard error
-sigma the second line is 2 ln (range / sigma) - ln 2 pi. Linear parameters are in all hypotheses, so
-what is the same for them is left out.
+at its best theta: Laplace's approximation of -2 ln of the evidence p(y, S). A is half the curvature
+of the first line over all parameters (J'J + 1 for each prior); k effect parameters are uniform over
+a range each, from zero to the largest plausible value. With one parameter of standard error sigma
+the second line is 2 ln (range / sigma) - ln 2 pi. Linear parameters are in all hypotheses, so their
+constant terms are left out.
 
 H' is believed over H where it costs less by more than 2 ln (1 / ALPHA): the only threshold.
 
-Where no hypothesis is true (real machines), a likelihood ratio is too sure of itself: what one
-gains over the other comes from few stretches, one way here and the other there. The gain is summed
-over blocks, and the spread of the blocks says how far the sum scatters,
+If no hypothesis is true (real machines), a likelihood ratio is overconfident: the gain of one over
+the other comes from few stretches, and has different signs in different places. The gain is summed
+over blocks, and the scatter of the blocks gives the uncertainty of the sum,
 
     phi = variance of the sum / (4 |gain|), at least 1,    sigma = sqrt(|gain| / phi).
 
-Of two hypotheses of which one is true, phi is 1: with e white of variance 1 and d the difference of
-predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. What acts in some
-stretches only (drag at speed, play where it turns) has its d^2 there, and so its gain: that is no
-scatter. So the variance is that about what d^2 foretells of each block (a straight line, fitted),
-not about their mean. (Vuong, Econometrica 57, 1989, has the mean; neighbouring blocks by Newey &
-West, Econometrica 55, 1987; Laplace: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995.) The share of
-each hypothesis is exp(-cost / 2 phi).
+If one of two hypotheses is true, phi is 1: with e white of variance 1 and d the difference of
+predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. An effect that
+acts in some stretches only (drag at speed, play at reversals) has its d^2 there, and so its gain;
+this is no scatter. So the variance is about the values that d^2 predicts for each block (a fitted
+straight line), not about their mean. (Vuong, Econometrica 57, 1989, uses the mean; neighbouring
+blocks by Newey & West, Econometrica 55, 1987; Laplace: Kass & Raftery, J. Am. Stat. Assoc. 90,
+1995.) The relative weight of each hypothesis is exp(-cost / 2 phi).
 
-Limits: Laplace takes the cost for a parabola in theta; that of creases is one only over their
-width, so A must be seen over as much. Blocks fewer than ten say little of their spread.
+Limits: Laplace takes the cost for a parabola in theta. With creases it is one only over their
+width, so A must be computed over as much. Fewer than ten blocks say little about their scatter.
 """
 
 import math
@@ -49,7 +49,7 @@ ALPHA = EVIDENCE.alpha
 
 @dataclass(frozen=True)
 class Cost:
-    """The lines of the equation above, each in -2 ln: what a hypothesis costs, and for what."""
+    """The lines of the equation above, each in -2 ln: the cost of a hypothesis by its parts."""
 
     misfit: float
     freedom: float = 0.0
@@ -63,10 +63,10 @@ class Cost:
 
 
 def freedom(information: Floats, ranges: Sequence[float]) -> float:
-    """Return what free parameters cost.
+    """Return the penalty of free parameters.
 
     information (p, p): A; ranges: of the parameters uniform over them, in the units of A. Infinite
-    where A says nothing of a parameter. Raises ValueError for ranges that are not finite and above
+    if A does not determine a parameter. Raises ValueError for ranges that are not finite and above
     0.
     """
     if any(not 0.0 < r < math.inf for r in ranges):
@@ -77,7 +77,7 @@ def freedom(information: Floats, ranges: Sequence[float]) -> float:
 
 
 def rarity(odds: Sequence[float]) -> float:
-    """Return what effects cost that a device has with these probabilities, above 0 and below 1."""
+    """Return the penalty of effects with these prior probabilities, above 0 and below 1."""
     if any(not 0.0 < p < 1.0 for p in odds):
         raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
     return -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
@@ -90,7 +90,7 @@ def believed(new: Cost, old: Cost, phi: float = 1.0) -> bool:
 
 @dataclass(frozen=True)
 class Compared:
-    """What one hypothesis gains over another: -2 ln likelihood summed, its overdispersion."""
+    """The gain of one hypothesis over another: -2 ln likelihood summed, its overdispersion."""
 
     gain: float
     phi: float
@@ -102,12 +102,11 @@ class Compared:
 
 
 def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Compared:
-    """Compare two hypotheses by what one gains over the other in each block (blocks,).
+    """Compare two hypotheses by the gain of one over the other in each block (blocks,).
 
-    foretold: the squares of what their predictions differ by, in each block; None for as much in
-    all. lags: neighbours whose scatter counts together, with falling weight. Blocks of several
-    recordings follow each other; fewer than 3 (5 with `foretold`) have no scatter to judge by, and
-    phi is 1.
+    foretold: squared differences of their predictions, in each block; None for equal ones. lags:
+    neighbours whose scatter counts together, with falling weight. Blocks of several recordings are
+    in order; fewer than 3 (5 with `foretold`) give no scatter, and phi is 1.
     """
     total, count = float(gains.sum()), gains.size
     line = np.ones((count, 1))
@@ -125,7 +124,7 @@ def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Co
 
 
 def probabilities(costs: Sequence[float], phi: float = 1.0) -> Floats:
-    """Return the share of each hypothesis kept, (hypotheses,), summing to 1."""
+    """Return the relative weight of each hypothesis, (hypotheses,), summing to 1."""
     least = np.asarray(costs, dtype=np.float64)
     shares = np.exp(-0.5 * (least - least.min()) / phi)
     return shares / shares.sum()

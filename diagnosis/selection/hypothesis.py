@@ -38,14 +38,14 @@ ODDS = EVIDENCE.rare
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Structure and parameters (model, x) of recordings, noise, and their cost.
+    """Structure and parameters (model, x) for recordings, noise, and their cost.
 
-    experiments: the recordings, with what the structure knows of them (lost commands, the error of
-    an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
-    innovations and priors under the noise; slopes: of it by x, None while it was only judged and
-    not fitted. family: of the noise that it was chosen from; costs compare within one.
-    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln. ended: whether
-    another turn of fit and noise is known to gain nothing.
+    experiments: the recordings, with what the structure knows about them (lost commands, the error
+    of an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual:
+    weighted innovations and priors with the noise; slopes: of it by x, None if it was only
+    evaluated and not fitted. family: of the noise from which its own was chosen; costs can be
+    compared within one. prices: penalties of effects (effect@place) that were sought tick by tick,
+    in -2 ln. ended: whether another round of fit and noise is known to gain nothing.
     """
 
     experiments: Sequence[Experiment]
@@ -67,7 +67,7 @@ class Hypothesis:
 
     @property
     def creased(self) -> bool:
-        """Whether what it predicts is no smooth function of its parameters."""
+        """Whether its prediction is a nonsmooth function of its parameters."""
         return creased(self.model)
 
     @property
@@ -77,9 +77,9 @@ class Hypothesis:
 
     @property
     def against_physics(self) -> str:
-        """A parameter that stands where physics does not allow it, "" for none.
+        """A parameter at a value that is not physical, "" for none.
 
-        On a bound that is one of physics (`Parameter.ends`), or with others as none can have it
+        That is, on a physical bound (`Parameter.ends`), or in an impossible combination
         (`Effect.forbidden`).
         """
         for p, x in zip(self.model.parameters, self.x, strict=True):
@@ -95,17 +95,17 @@ class Hypothesis:
 
     @property
     def problem(self) -> Problem:
-        """The recordings under its noise."""
+        """The recordings with its noise."""
         return self.noise.problem(self.experiments)
 
     @property
     def ground(self) -> Landscape:
-        """What its model costs over x under its noise."""
+        """The cost of its model over x with its noise."""
         return self._ground(SEARCHING)
 
     @property
     def far_ground(self) -> Landscape:
-        """The same in as few substeps as costs compare in while a search is far from its end."""
+        """The same with few substeps, which suffice to compare costs early in a search."""
         return self._ground(SCREENING)
 
     def _ground(self, fineness: Fineness) -> Landscape:
@@ -118,7 +118,7 @@ class Hypothesis:
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
     def in_finer_steps(self) -> "Hypothesis":
-        """Return it with what it costs in the substeps of final fits, all else as it is."""
+        """Return it with its cost with the substeps of final fits, all else unchanged."""
         (finer,) = self._ground(FINAL).costs([self.x])
         return replace(self, cost=replace(self.cost, misfit=float(finer)))
 
@@ -131,19 +131,19 @@ class Hypothesis:
         return None
 
     def moved(self, x: Floats) -> "Hypothesis":
-        """Return the hypothesis at another x, its noise sought anew about its own."""
+        """Return the hypothesis at another x, with the best noise near its own."""
         return self._at(x, self.family.near(self.ratio))
 
     def anew(self, x: Floats) -> "Hypothesis":
-        """Return the hypothesis at another x, its noise sought in all of the family."""
+        """Return the hypothesis at another x, with the best noise of the whole family."""
         return self._at(x, self.family)
 
     def under(self, ratio: float) -> "Hypothesis":
-        """Return the hypothesis under the noise of one ratio; raises NoObserver."""
+        """Return the hypothesis with the noise of one ratio; raises NoObserver."""
         return self._at(self.x, self.family.of(ratio))
 
     def on(self, experiments: Sequence[Experiment]) -> "Hypothesis":
-        """Return the hypothesis on other recordings, its noise as it is; raises NoObserver."""
+        """Return the hypothesis on other recordings, its noise unchanged; raises NoObserver."""
         there = judged(
             experiments, self.model, self.x, self.family, self.family.of(self.ratio), self.prices
         )
@@ -155,7 +155,7 @@ class Hypothesis:
 
     @property
     def begun(self) -> Sequence[Floats] | None:
-        """Where its observer begins, which with play is dear to seek; None without."""
+        """The initial state of its observer, which takes long to find with play; None without."""
         return self.noise.starts if self.has_valleys else None
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
@@ -178,10 +178,10 @@ def judged(
     prices: Prices = (),
     begun: Sequence[Floats] | None = None,
 ) -> Hypothesis:
-    """Return a model at x under its likeliest noise; raises NoObserver where none follows.
+    """Return a model at x with its likeliest noise; raises NoObserver if none follows.
 
-    among: the members of the family that are looked at, None for all. prices: those of effects
-    that the model lacks are not paid. begun: as `likeliest` takes it.
+    among: the members of the family that are tried, None for all. prices: those of effects that the
+    model lacks are ignored. begun: as in `likeliest`.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
@@ -198,14 +198,14 @@ def judged(
 
 
 def independent(h: Hypothesis, horizon: float) -> Hypothesis:
-    """Return a hypothesis whose errors count as many times as they are independent.
+    """Return a hypothesis whose errors count as often as they are independent.
 
-    Errors over a horizon [s] come tau at a time (`shared`), and what a hypothesis gains by chance
-    over another is tau times what it gains where they are independent. Taken for n samples, chance
-    is explained by laws; so the likelihood, its slopes and what a parameter's freedom costs all
-    count 1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78, 2016). On a
-    motor under white force whose one friction is known, phi of whatever else is tried beside it is
-    20 to 90 over 50 ms if each sample counts, and 1.0 to 1.4 so.
+    Errors over a horizon [s] are dependent, tau at a time (`shared`), and the gain of one
+    hypothesis over another by chance is tau times the gain with independent errors. Counted as n
+    samples, chance would be explained by laws. So the likelihood, its slopes and the penalty of a
+    parameter all count 1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78,
+    2016). On a motor under white force whose one friction is known, phi of anything else that is
+    tried is 20 to 90 over 50 ms if each sample counts, and 1.0 to 1.4 with this.
     """
     if h.family.whitening:
         return h
@@ -216,15 +216,15 @@ def independent(h: Hypothesis, horizon: float) -> Hypothesis:
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
-    """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom.
+    """Fit and choose the noise again, in turn, until neither gains; then add the penalty.
 
-    The first turn is made in as few substeps as costs compare in, which brings most of the way. (A
-    noise chosen where parameters are wrong takes what they leave for disturbances; each turn used
-    to be made under a slower noise too. Since observers begin where friction does and the clock has
-    its skew, that gained nothing: less than 1 in -2 ln on two masses with two frictions from six
-    device files up to 60 % off, and the same names on eleven recordings of the paired set.) turns:
-    at most, or while they gain much. What ends as far from its start as a fit may go
-    (`Parameter.walks`) is not at the end of anything, and goes on from there.
+    The first round uses as few substeps as suffice to compare costs, which brings the fit most of
+    the way. (A noise chosen at wrong parameters takes their errors for disturbances, so each round
+    used to be made with a slower noise too. Since observers start where friction does and the clock
+    has its skew, that gained nothing: less than 1 in -2 ln on two masses with two frictions from
+    six device files up to 60 % off, and the same names on eleven recordings of the paired set.)
+    turns: at most, or while they gain much. A fit that ends at the limit of its allowed distance
+    from the start (`Parameter.walks`) has not converged, and continues.
     """
     best = _settled(begun, turns, rounds, worth)
     for _ in range(FURTHER):
@@ -265,9 +265,9 @@ def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
 
 
 def priced(h: Hypothesis) -> Hypothesis:
-    """Return the hypothesis with its slopes, and with what its freedom costs.
+    """Return the hypothesis with its slopes, and with the penalty of its parameters.
 
-    Freedom is infinite where the recordings say nothing of a parameter of an effect: they cannot
+    The penalty is infinite if the recordings do not determine a parameter of an effect: they cannot
     have shown that effect, but only a simpler one.
     """
     slopes = slopes_where_it_stands(h.ground, h.x).slopes
@@ -297,9 +297,9 @@ def _rarity(model: Model) -> float:
 def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
     """Range of each effect parameter in x, at least its own standard error.
 
-    A magnitude is as likely in every octave of its sweep: its density at v is 1 / (v ln(most /
-    least)), that of a range of v ln(most / least). A phase may be anywhere on its turn. A change
-    is as likely by any amount up to the whole of what changes, either way.
+    A magnitude is equally likely in every octave of its sweep: its density at v is 1 / (v ln(most /
+    least)), as for a range of v ln(most / least). A phase is uniform on its turn. A change is
+    uniform up to the size of the changing parameter, in both directions.
     """
     variance = np.diag(np.linalg.pinv(information))
     found: list[float] = []
@@ -340,12 +340,12 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
 
 
 def gains(new: Hypothesis, old: Hypothesis) -> Floats:
-    """What one gains over the other in each stretch (blocks,)."""
+    """The gain of one over the other in each stretch (blocks,)."""
     return old.blocks - new.blocks
 
 
 def against(new: Hypothesis, old: Hypothesis) -> Compared:
-    """What one gains over the other, and how far that scatters about what their difference says."""
+    """The gain of one over the other, and its scatter about what their difference predicts."""
     if new.samples != old.samples:
         return compared(gains(new, old))
     outputs = new.noise.observer.deviation.size

@@ -1,4 +1,4 @@
-"""Moves: propose neighbours of a hypothesis that are worth a fit. The cost decides, not they."""
+"""Moves: neighbours of a hypothesis that are worth a fit. The cost decides, not they."""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -50,13 +50,14 @@ GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
 
 @dataclass(frozen=True)
 class Proposal:
-    """A model worth a fit, and where from: x, and the problem under which a fit begins.
+    """A model worth a fit, and its start: x, and the problem of the first fit.
 
-    under: None where it needs no first fit. family: of its noise; near: ratio about which that is
-    sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
-    from a hypothesis in the place of an effect, or in a simpler law of the same kind there. begins:
-    where the observer of the hypothesis that it came from begins: with play it is sought once more
-    at the end of a fit, and seeking it for each was 28 % of a search beside play.
+    under: the noise of its first fit, None if it needs none. family: of its noise; near: ratio
+    about which that is sought, None for all of the family. prices: as of a hypothesis. akin:
+    whether it differs from a hypothesis only in the place of an effect, or in a simpler law of the
+    same kind there. begins: where the observer of the original hypothesis starts. With play, this
+    start is sought again only at the end of a fit; seeking it for each move took 28 % of a search
+    with play.
     """
 
     experiments: Sequence[Experiment]
@@ -70,10 +71,10 @@ class Proposal:
     begins: Sequence[Floats] | None = None
 
     def judged(self, x: Floats) -> Hypothesis:
-        """Return it at x under its likeliest noise; raises NoObserver where none follows.
+        """Return it at x with its likeliest noise; raises NoObserver if none follows.
 
-        What began in a view of other noise is brought on its way under its own, or it would cost
-        more than what began there.
+        A fit that started in a view with other noise is continued with its own, otherwise it would
+        cost more than one that started there.
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.begins)
@@ -92,7 +93,7 @@ class Proposal:
         return frozenset(effect_labels(self.model.effects))
 
     def begun(self) -> "Begun":
-        """Return where a first fit under the problem in which it stood out leads."""
+        """Return the result of a first fit with the problem in which it stood out."""
         if self.under is None:
             return Begun(self, self.x, 0.0)
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
@@ -103,7 +104,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Begun:
-    """A proposal after its first fit: x, and its cost under the observer of that fit."""
+    """A proposal after its first fit: x, and its cost with the observer of that fit."""
 
     proposal: Proposal
     x: Floats
@@ -120,9 +121,9 @@ Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
 def glanced(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: what a beginning of the recordings shows clearly.
+    """Yield the hypothesis with one effect more: those clear in the first part of the recordings.
 
-    Nothing where they are short: what is strong shows in a part, and what does not is asked of all.
+    Empty if they are short: strong effects show in a part, and weak ones are sought in everything.
     """
     if (ticks := _glance(h.experiments)) is not None:
         views = itertools.chain(_views(h, ticks), _views_afar(h, ticks))
@@ -130,7 +131,7 @@ def glanced(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def _glance(experiments: Sequence[Experiment]) -> int | None:
-    """Ticks of all recordings in which what is strong shows, None where that saves nothing."""
+    """Ticks of all recordings that suffice for strong effects, None if that saves nothing."""
     ticks = max(PURSUIT.glance, TELLING_TICKS * len(experiments))
     return ticks if sum(e.ticks for e in experiments) >= PURSUIT.worth_a_glance * ticks else None
 
@@ -148,7 +149,7 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def showing(least: float) -> Move:
-    """Return the move that adds one effect, of those that explain so much to first order."""
+    """Return the move that adds one of the effects that explain so much to first order."""
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)), least)
@@ -162,7 +163,7 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
-    """Yield what stands out in views, by `least`, and the play that a scan of its width shows."""
+    """Yield effects that stand out in views, by `least`, and the play that a scan shows."""
     device = h.model.build(h.x)
     where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
@@ -180,7 +181,7 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
 
 
 def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
-    """Starts that a score tells of, and those of play, of which it says nothing."""
+    """Starts with a score, and those of play, for which a score says nothing."""
     play = {label: group for label, group in starts.items() if with_play((group[0].physics,))}
     return {label: group for label, group in starts.items() if label not in play}, play
 
@@ -188,11 +189,11 @@ def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
 def _played(
     h: Hypothesis, model: Model, x: Floats, play: Starts, effort: Effort
 ) -> Iterator[Proposal]:
-    """Yield a model with the play that a scan shows, one each place, fitted under its own noise.
+    """Yield a model with play from a scan, one for each place, fitted with its own noise.
 
-    Each from where a population arrives (`seeking.playing`), and the least of them: beside the
-    bottom of a valley a play of -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
-    cubic at -131 760; and what is cheapest where it arrives has ended in the wrong valley.
+    Each from the result of a population (`seeking.playing`), and the cheapest of them. Beside the
+    bottom of a valley, a play at -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
+    cubic spring at -131 760; and the cheapest result of a population may be in the wrong valley.
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
@@ -209,7 +210,7 @@ def _played(
 
 
 def _arrived(h: Hypothesis, wide: Model, x: Floats) -> Hypothesis | None:
-    """A wider model, fitted from where a population arrived under its own noise."""
+    """A richer model, fitted from the result of a population with its own noise."""
     with suppress(NoObserver):
         return settled(judged(h.experiments, wide, x, h.family, None, h.prices), turns=1)
     return None
@@ -226,9 +227,10 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis less each of its effects, its strength gone or with its law elsewhere.
+    """Yield the hypothesis without each of its effects, its strength gone or moved to its law.
 
-    Friction that two masses share is that of one of them, and a fit over creases ends where it is.
+    Friction that two masses share is first assigned to one of them, and a fit across creases does
+    not move it.
     """
     under = _cut(h.problem, _glance(h.experiments))
     for i, gone in enumerate(h.model.effects_at(h.x)):
@@ -240,7 +242,7 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
-    """Yield x with what is gone added to one of the effects of its law."""
+    """Yield x with the removed strength added to one of the effects of its law."""
     for i, physics in enumerate(model.effects):
         if physics.effect is not gone.effect:
             continue
@@ -253,7 +255,7 @@ def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
 
 
 def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with each effect in turn as one of those that it contains."""
+    """Yield the hypothesis with each effect replaced by one of those that it contains."""
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
@@ -270,11 +272,12 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with each effect in turn as two of those that it contains.
+    """Yield the hypothesis with each effect replaced by two of those that it contains.
 
-    A constant force and Coulomb friction are a directional friction of other levels; and in place
-    of one of the two stands each other law of its family that contains it, as friction that rises
-    with speed. One at a time they would pass through the two simple ones, which explain less.
+    A constant force and Coulomb friction are a directional friction with other levels. In place of
+    one of the two, each other law of its family that contains it is tried as well, such as friction
+    that rises with speed. One at a time, the search would have to pass through the two simple ones,
+    which explain less.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -303,9 +306,10 @@ def _shares(effect: Effect, whole: Effect) -> bool:
 
 
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with two of its effects at one place as a law that contains both.
+    """Yield the hypothesis with two effects at one place replaced by a law that contains both.
 
-    What two simple laws explain, the richer one does too; which of them it is, only both tell.
+    If two simple laws explain something, the richer one does too; only the two together show which
+    it is.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -326,9 +330,10 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with two of its effects each in the place of the other.
+    """Yield the hypothesis with two of its effects exchanged.
 
-    Of two frictions which is whose: one at a time they would pass through two laws at one place.
+    For two frictions at two places, exchanged one at a time, the search would have to pass through
+    two laws at one place.
     """
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(h.model.build(h.x).bare(), h.experiments, h.model.reads(h.x).gain)
@@ -352,11 +357,11 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def replaced(index: int) -> Move:
-    """Return the move that puts another effect in the place of one.
+    """Return the move that replaces one effect by another.
 
-    Of what neither contains it nor is contained in it only what explains, to first order, a good
-    part of what it does: the rest ends nowhere near. What the effect explains of a beginning of the
-    recordings says whether that tells enough.
+    An effect that neither contains it nor is contained in it is tried only if, to first order, it
+    explains a good part of the same; others end far away. The gain of the effect in the first part
+    of the recordings shows whether that part suffices.
     """
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
@@ -405,7 +410,7 @@ def replaced(index: int) -> Move:
 def _without(
     h: Hypothesis, model: Model, x: Floats, ticks: int | None
 ) -> tuple[Problem, Floats, float]:
-    """A hypothesis less an effect, its parameters given way: where to, and what that costs it.
+    """A hypothesis without an effect, its parameters adapted: their values, and the cost.
 
     ticks: of the recordings, None for all.
     """
@@ -418,11 +423,11 @@ def _without(
 
 
 def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, and under a slower one; ticks: as far at most.
+    """Yield a hypothesis with its own noise, and with a slower one; ticks: at most.
 
-    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
-    disturbance, and its filter what is left for colour. So it is also seen under one that is a
-    hundred times slower and takes nothing for colour.
+    The noise of a model that may lack physics takes part of it for disturbance, and its filter
+    takes the rest for colour. So the hypothesis is also viewed with an observer that is a hundred
+    times slower and assumes no colour.
     """
     yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
@@ -431,10 +436,10 @@ def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
 
 
 def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
-    """Yield a hypothesis under an observer that hardly corrects it, as is and as in its file.
+    """Yield a hypothesis with an observer that hardly corrects, at its x and its file's.
 
-    Under its own noise, that of a model that may lack physics, an observer takes part of what lacks
-    for disturbance, and its filter what is left for colour.
+    With its own noise, that of a model that may lack physics, an observer takes part of it for
+    disturbance, and its filter takes the rest for colour.
     """
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, ticks)
@@ -461,7 +466,7 @@ def _as_strong(starts: Sequence[Start], other: Physics) -> list[Start]:
 
 
 def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
-    """The hypothesis with a start, its parameters given way if that is the better beginning."""
+    """The hypothesis with a start, its parameters adapted if that is the better start."""
     start = one.start
     model = seen.model.with_effect(start.physics, start.scales, start.bounds)
     own = [p.name for p in model.parameters[seen.x.size :]]
@@ -476,9 +481,9 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
-    """The best of some starts of one effect, or of several together, under a hypothesis's noise.
+    """The best of some starts of one effect, or of several together, with a given noise.
 
-    Chosen, and begun, on a beginning of the recordings where that saves a good part.
+    Chosen and first fitted on the first part of the recordings, if that saves much.
     """
     problem = _cut(h.problem, _glance(h.experiments))
     tried = model

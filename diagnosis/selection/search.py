@@ -4,9 +4,10 @@
     repeat: add the effect that is believed most        (a beam, until nothing is believed)
             put simpler, other, fewer effects in place  (until nothing costs less: the rivals)
 
-What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`. The next sample
-may not buy what a longer horizon pays for (`slower`): of effects that are believed the one that
-explains more over that horizon is added first, and none leaves that it needs.
+`evidence` decides what is believed; `moves` what is tried; `Effort` how much. An effect that only
+lowers one-step errors may not displace one that a longer horizon needs (`slower`): of the effects
+that are believed, the one that explains more over that horizon is added first, and none is removed
+that it needs.
 """
 
 import math
@@ -70,10 +71,11 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 
 @dataclass(frozen=True)
 class Moves:
-    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
+    """The moves of a search: to add an effect, to replace a hypothesis, to replace an effect.
 
-    glancing: to add, before all else is looked at; last: once nothing else is believed. apart: the
-    recordings of a hypothesis without what seems to happen once in them, None where nothing does.
+    glancing: moves to add, before all else is tried; last: once nothing else is believed. apart:
+    the recordings of a hypothesis without what seems to happen once in them, None if there is
+    nothing.
     """
 
     adding: Sequence[Move] = (added,)
@@ -86,12 +88,12 @@ class Moves:
 
 @dataclass
 class Search:
-    """What was tried and kept, by structure: the cheapest fit of each.
+    """The hypotheses that were tried and kept, by structure: the cheapest fit of each.
 
-    plain: without physics; best: what costs least of all that is believed. clear: whether what
-    showed clearly was believed each time. apart: how often a part of the recordings was set apart,
-    since something happened in it; recorded: ticks of all, before that. slower: the judge of a
-    longer horizon, None where that is the judge already.
+    plain: without physics; best: the cheapest of all that are believed. clear: whether every clear
+    sign led to a believed effect. apart: how often a part of the recordings was set apart because
+    of an event; recorded: ticks in total, before that. slower: the judge of a longer horizon, None
+    if this search uses it already.
     """
 
     plain: Hypothesis
@@ -141,10 +143,10 @@ def search(
     family: Family = NEXT_SAMPLE,
     begun: Hypothesis | None = None,
 ) -> Search:
-    """Search for what explains recordings; raises NoObserver where none follows with the device.
+    """Search for what explains recordings; raises NoObserver if none follows with the device.
 
-    family: the models of the noise under which all hypotheses are held against each other. begun:
-    one of it that another search found, to go on from where it is believed.
+    family: the noise models with which all hypotheses are compared. begun: a hypothesis of another
+    search, from which this one continues if it is believed.
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
@@ -163,10 +165,10 @@ def search(
 
 
 def from_afar(found: Search) -> bool:
-    """Look for the valley of the best anew, whatever its effects, and search on from there.
+    """Search for the valley of the best again, with all its effects, and continue from there.
 
-    Returns whether that costs less. Friction, a dead band and what repeats over position together
-    have creases enough to hold a fit where it is, though none of them does alone.
+    Returns whether that costs less. Friction, a dead band and a force that repeats over position
+    have, together, enough creases to trap a fit, though none of them alone does.
     """
     before = found.best
 
@@ -180,9 +182,9 @@ def from_afar(found: Search) -> bool:
 
 
 def two_at_once(found: Search) -> bool:
-    """Add two effects to the best where none of them is believed alone; whether both are.
+    """Add two effects to the best if neither is believed alone; returns whether both are.
 
-    Of several laws that act together each explains little while the others are noise to it.
+    Of several laws that act together, each explains little while the others are counted as noise.
     """
     before = found.best
 
@@ -214,7 +216,7 @@ def _one_more(h: Hypothesis, than: Hypothesis) -> bool:
 
 
 def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
-    """Work until it ends, an error ends it, or it is interrupted: what was found stays."""
+    """Work to the end, an error or an interruption; results so far are kept."""
     try:
         with isolated("search", "a further effect"):
             work(found)
@@ -228,7 +230,7 @@ def _rounds(found: Search) -> None:
         before = found.best
         with stage("adding effects"):
             _grown(found)
-        with stage("putting others in their place"):
+        with stage("trying others in their place"):
             _exchanged(found)
         if found.best is before:
             break
@@ -236,7 +238,7 @@ def _rounds(found: Search) -> None:
 
 
 def _ended(found: Search) -> None:
-    """Fit what is near the best for as long as that gains: the best has had many turns, rivals two.
+    """Fit near rivals as long as that gains: the best had many rounds of fit, they had two.
 
     What then costs less than it, with no more effects, was the better one; so was what lacks an
     effect that is no longer believed over its absence.
@@ -300,13 +302,13 @@ def _leave_out(found: Search) -> None:
 
 
 def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]) -> bool:
-    """Set apart what happens once, where it explains more than the next effect; whether it did.
+    """Set an event apart if it explains more than the next effect; returns whether it did.
 
-    A hand on the device bends every fit, and effects that explain some of it are believed in turn.
-    What explains all of it more than an effect does is no trace of that effect, unless nothing
-    stands apart any more once the effect is known: an amplifier that meets its limit once looks
-    like a hand. It explains what the recordings cost less with ordinary noise in its place: as what
-    is left costs, a sample.
+    A hand on the device distorts every fit, and effects that explain part of it are believed one
+    after the other. An event must explain more of it than an effect does, and must remain once the
+    effect is known: an amplifier that meets its limit once looks like a hand. Its gain is the cost
+    of the recordings less their cost with ordinary noise in its place, at the cost per sample of
+    the rest.
     """
     if found.moves.apart is None or found.apart >= MOST_APART:
         return False
@@ -330,7 +332,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
         if not explained > max(gained, PURSUIT.near_rival):
             return False
         found.say(
-            "something seems to have happened once: searching on without that part of the recording"
+            "something seems to have happened once: continuing without that part of the recording"
         )
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1
@@ -339,7 +341,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
-    """Go on from other recordings: what was tried on those before compares with nothing."""
+    """Continue with other recordings: the costs for those before cannot be compared."""
     found.plain, found.best, found.tried = plain, best, {}
     found.slower = None if found.slower is None else Slower(plain)
     for done in (found.grown, found.looked, found.exchanged):
@@ -349,15 +351,15 @@ def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
 
 
 def searched_on(found: Search) -> None:
-    """Search on from the best, as of recordings of which more is known than when it was found."""
+    """Continue from the best, with recordings about which more is known than before."""
     _until_nothing_gains(found, _rounds)
 
 
 def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """What is believed over the best and has one effect more, the cheapest first.
+    """The hypotheses believed over the best with one effect more, the cheapest first.
 
-    What shows clearly in a beginning first; then what any of the recordings show; and once nothing
-    else is believed, what is seen tick by tick.
+    First what shows clearly in the first part of the recordings; then what all of them show; and
+    once nothing else is believed, what is seen tick by tick.
     """
     moves = found.moves
     for asked in (moves.glancing if found.clear else (), moves.adding, moves.last):
@@ -381,13 +383,14 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """What is believed over the best once that is fitted from where the first of them ended, too.
+    """Those believed over the best also if that is fitted from where the first of them ended.
 
-    With play a fit ends among ups and downs. On a rig of four effects it ended 109 in -2 ln above
-    where it does from the end of a fifth that is none, which "gained" 96. And such motion is
-    chaotic: under an observer that hardly corrects it, a mass of half a milligram steered it to a
-    gain of 273, and lost 13 000 in other substeps, where true effects of that rig and another lose
-    less than 10. So what is believed must be so in these as well.
+    With play a fit ends in one of many local minima. On a rig of four effects it ended 109 in -2 ln
+    above the minimum that a fit with a fifth, spurious effect reached, which "gained" 96. And such
+    motion is chaotic: under an observer that hardly corrects it, a mass of half a milligram changed
+    it enough to gain 273, and lost 13 000 with another number of substeps, where true effects of
+    that rig and another lose less than 10. So an effect must be believed with those substeps as
+    well.
     """
     best, first = found.best, new[0]
     gone = [i for i, n in enumerate(effect_labels(first.model.effects)) if n not in best.labels]
@@ -404,7 +407,7 @@ def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
-    """What is believed over the best in the place of an effect that gains, and is not believed.
+    """Those believed over the best in place of an effect that gains, but is not believed.
 
     A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
     """
@@ -423,10 +426,10 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 
 
 def _exchanged(found: Search) -> None:
-    """Put simpler, other and fewer effects in place while that costs less.
+    """Try simpler, other and fewer effects while that costs less.
 
-    What is tried in place of an effect becomes its rival where the effect stays. As soon as
-    something costs less, the search goes on from there.
+    A move in place of an effect becomes its rival if the effect stays. As soon as something costs
+    less, the search continues from there.
     """
     left: set[frozenset[str]] = set()  # for what costs less, before all was asked
     for _ in range(4 * found.effort.effects):
@@ -454,7 +457,7 @@ def _exchanged(found: Search) -> None:
 def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     """Yield what may stand in the place of the best, move by move, fitted as it is asked for.
 
-    The effect that explains least is replaced first: it most often stands for another one.
+    The effect that explains least is replaced first, since it most often stands for another one.
     """
     h, effort = found.best, found.effort
     many = max(effort.ended, len(h.model.effects))
@@ -484,9 +487,9 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
 def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Of what has a simpler law in the place of a richer one, what one effect more makes of it.
 
-    A law with more numbers takes the place of two that act together as soon as it explains more
-    than one of them alone: friction that falls with speed that of dry friction beside a drag. Asked
-    of the likeliest of them, since each asks for every effect.
+    A law with more numbers replaces two that act together as soon as it explains more than one of
+    them alone: friction that falls with speed replaces dry friction beside a drag. This is tried
+    for the likeliest of them only, since each requires all moves.
     """
     asked = [
         n
@@ -509,9 +512,9 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
 def look_for_valleys(found: Search) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
-    Under each ratio of a ladder: what the best has left unexplained is noise to it, so that its own
-    ratio is more than the right one. What costs least of all that arrived, under its own noise,
-    grows on.
+    Under each ratio of a ladder: what the best hypothesis leaves unexplained counts as its noise,
+    so its own ratio is larger than the right one. The cheapest of all results, each with its own
+    noise, continues.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
@@ -532,8 +535,8 @@ def look_for_valleys(found: Search) -> None:
 def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:
     """Let populations grow about the best of some hypotheses of one structure while that gains.
 
-    What arrives is fitted to its end before it is held against the best: a population ends beside
-    the bottom of a valley. Returns the best, None where that is no physics.
+    A result is fitted to the end before it is compared with the best, since a population ends
+    beside the bottom of a valley. Returns the best, None if it is not physical.
     """
     effort = found.effort
     best = min(begun, key=lambda a: a.cost.misfit)
@@ -554,7 +557,7 @@ def _arrived(
 ) -> list[Hypothesis]:
     """Where populations arrive under their own noise, the best first.
 
-    Each leg: a ratio, the x that populations start from, their spread.
+    Each leg: a ratio, the x from which populations start, their spread.
     """
     stretch = beginnings(h.experiments, GROWN_TICKS)
 
@@ -582,9 +585,9 @@ def _tried(found: Search, move: Move, ended: int) -> list[Hypothesis]:
 def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hypothesis]:
     """Fit proposals, so many of them to their end; return these, the cheapest first.
 
-    Costs under one observer compare, so of each view the first fits that cost least go on; their
-    own noise then decides which are fitted to their end. What ends where physics does not allow it
-    is no answer and no rival.
+    Costs under one observer can be compared, so the cheapest first fits of each view continue;
+    their own noise then decides which are fitted to the end. A fit that ends outside what is
+    physical is no answer and no rival.
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
@@ -622,7 +625,7 @@ def _to_their_end(
 ) -> list[Hypothesis]:
     """Fit what is likely of what was judged, the cheapest first, to its end; return what stands.
 
-    What ends where physics forbids it leaves its room to what comes near it.
+    A fit that ends outside what is physical is replaced by the next one.
     """
     near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
     if order and not near:  # a rival that is far is said, and how far no fit need tell
@@ -649,10 +652,11 @@ def _stands(
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
-    """Whether a fit to its end may bring a hypothesis near the best, of which it is no part.
+    """Whether a complete fit may bring a hypothesis near the best, which is no part of it.
 
-    What costs more by a good share of all that the best explains does not (`PURSUIT.lagging`). What
-    has all of the best and more does in the end, wherever it begins.
+    A hypothesis that costs more by a large share of everything the best explains does not
+    (`PURSUIT.lagging`). One that contains all effects of the best and more costs less in the end,
+    wherever it starts.
     """
     best = found.best
     if h.labels > best.labels or h.labels < best.labels:
@@ -665,7 +669,8 @@ def _comes_near(found: Search, h: Hypothesis) -> bool:
 def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
     """What is fitted to its end: the cheapest of so many different laws, and what is akin.
 
-    Of one law at several places the cheapest few: where it is, they show once it stands.
+    Of one law at several places the cheapest few are kept; which place is right shows once the law
+    is included.
     """
     order = sorted(begun, key=lambda h: h.cost.total)
     found: list[Hypothesis] = []

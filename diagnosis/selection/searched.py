@@ -1,16 +1,16 @@
 """The result of a search, as later stages of the diagnosis use it.
 
-Where the family of noise models holds the truth, the next sample says all that a recording can say,
-and what costs least there is the answer. Whether it does is asked (`answer.adequacy`): free runs of
-the answer must err no farther than its noise makes them. Where they err farther no hypothesis of
-the family is true, and the sample after next is a different judge: filters, clocks and bristles
-show best in the next one, and what they leave of friction is noise of a slow colour to it. So the
-search is made once more under noise that counts errors as far ahead as free runs go
-(`noise.family.as_far_as`), and the two answers are held against each other by what their free runs
-err over every horizon, stretch by stretch: the horizon that tells most clearly decides. A recording
-of half a second has too few free runs to refuse anything, and of an answer whose rehearsals run
-away nothing is foretold; so there both are always asked for. Where the answer that stands then does
-not explain held-out data, the other is held against it there (`answer.stands`).
+If the family of noise models contains the truth, the next sample contains all information of a
+recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free runs
+of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
+family is true, and errors further ahead judge differently: filters, clocks and bristles show best
+in the next sample, where the remainder of friction looks like noise of a slow colour. So the search
+is repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`),
+and the two answers are compared by the errors of their free runs over every horizon, stretch by
+stretch; the horizon with the clearest difference decides. A recording of half a second has too few
+free runs to reject anything, and no error can be predicted for an answer whose simulated
+repetitions run away; in these cases both searches are always made. If the chosen answer does not
+explain held-out data, the other is compared with it there (`answer.stands`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -45,11 +45,11 @@ NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show in t
 class Searched:
     """What a search found: the refit without physics, the final fit, and all that was tried.
 
-    problem: the recordings under the noise of the best hypothesis; judge: the observer by which the
-    answer is held against held-out data, which is its own likeliest one. held: whether its free
-    runs err no farther than its noise makes them on the recordings that it was fitted to. far:
-    whether it was asked what shows over a longer horizon. near: what the next sample told, where
-    that did not decide. beside: the answer that the other of the two judges gave.
+    problem: the recordings with the noise of the best hypothesis; judge: the observer for held-out
+    data, which is the answer's own likeliest one. held: whether its free runs err no more than its
+    noise predicts on the fitted recordings. far: whether a longer horizon was tried. near: the
+    answer by the next sample, if that did not decide. beside: the answer of the other of the two
+    judges.
     """
 
     problem: Problem
@@ -71,8 +71,7 @@ class Searched:
 class Searches:
     """The searches of one diagnosis: of the same recordings there is one, whoever asks for it.
 
-    Whether something happened and what has no name are both asked of all that was recorded, before
-    either is known.
+    Events and learned laws are both sought in everything that was recorded, before either is known.
     """
 
     def __init__(self, search: Callable[[Sequence[Experiment]], Searched]) -> None:
@@ -98,7 +97,7 @@ def searched(
 ) -> Searched:
     """Search, and where no hypothesis that was found holds over free runs, search for what does.
 
-    Raises NoObserver where no observer follows the recordings with the device.
+    Raises NoObserver if no observer follows the recordings with the device.
     """
     near = search(device, experiments, effort, say, moves)
     first = as_found(device, near)
@@ -122,8 +121,8 @@ def searched(
 def farther(device: Device, found: Searched, say: Say) -> Searched:
     """Search for what shows over a longer horizon, and return the answer whose free runs err less.
 
-    Laws that differ in the next sample by little can differ by much in where the motion ends: a
-    link that hardens follows play from sample to sample, and drifts in a cycle.
+    Laws that differ little in the next sample can differ much in where the motion ends: a link that
+    hardens imitates play from sample to sample, and drifts over a cycle.
     """
     near = found.tried
     say("searching again by the error over a longer horizon")
@@ -170,8 +169,8 @@ def _farther(device: Device, near: Search) -> Search | None:
 def looking_far(near: Search) -> Hypothesis | None:
     """Return what leaves least over a longer horizon of all that was tried, under noise that does.
 
-    None where none looks so far. Errors count as many times as they are independent in just that:
-    what missing physics leaves depends on its neighbours as well, and would be taken for chance.
+    None if none looks so far. Errors count as often as they are independent in that hypothesis
+    alone: the remainder of missing physics is also dependent, and would be taken for chance.
     """
     ahead = as_far_as(FAR_S, near.best.experiments)
     told: list[Hypothesis] = []
@@ -212,7 +211,7 @@ def judge_of(best: Hypothesis) -> Observer:
 def next_believed(found: Searched) -> Iterator[Searched]:
     """Yield what else is believed over nothing, the cheapest first, where the best was refused.
 
-    What has all of the best and more is refused with it.
+    A hypothesis with all effects of the best and more is rejected with it.
     """
     search = found.tried
     refused, plain = search.best.labels, search.plain
@@ -231,7 +230,7 @@ def next_believed(found: Searched) -> Iterator[Searched]:
 def unnamed(found: Searched) -> Searched:
     """Return a search as if nothing had been believed: the device file's own physics, refitted.
 
-    Under noise that the next sample shows, whatever noise what is not believed was found under.
+    With the noise of the next sample, whatever noise was used to find what is not believed.
     """
     plain = _by_the_next_sample(found.tried.plain)
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)

@@ -1,17 +1,17 @@
-"""Costs of hypotheses over a longer prediction horizon than one sample.
+"""The second judge: hypotheses compared over a longer horizon than the next sample.
 
-Where no model is true the next sample is the worst judge: a lag, a limit of rate and a further mass
-explain more of it than the friction that moves the machine, and friction, which they have driven
-out, is what free runs need. (A linear axis under pulses at 1 kHz: in -2 ln, lag and limit of rate
-gain 58 856 in the next sample and friction 650; over 50 ms it is 4810 against 64 788.) So no sample
-may buy what a longer horizon pays for. Where the family holds the truth both agree, and nothing
-changes.
+If no model is true, the next sample is the worst judge: a lag, a limit of rate and a further mass
+explain more of it than the friction that governs the machine, and they displace friction, which
+free runs need. (A linear axis under pulses at 1 kHz: in -2 ln, lag and limit of rate gain 58 856 in
+the next sample and friction 650; over 50 ms it is 4810 against 64 788.) So a gain in the next
+sample may not displace what a longer horizon needs. If the family contains the truth, both agree
+and nothing changes.
 
-Errors count as many times as they are independent without physics (`hypothesis.independent`). Each
-hypothesis is fitted a little under that noise, since its numbers were fitted to another. What is
-not fitted to its end may lag behind by a share of all that is explained (`PURSUIT.lagging`), and
-only what lags by more is clearly worse: on a recording without noise a pendulum lagged behind a
-ripple of one turn, which is the same, by more than near rivals do.
+Errors count as often as they are independent without physics (`hypothesis.independent`). Each
+hypothesis is first fitted a little with that noise, since its numbers were fitted with another. A
+fit that has not ended may lag behind by a share of everything that is explained
+(`PURSUIT.lagging`), and is only worse if it lags by more: on a recording without noise, a pendulum
+lagged behind an equivalent ripple of one turn by more than near rivals do.
 """
 
 from collections.abc import Sequence
@@ -54,8 +54,8 @@ class Slower:
     ) -> list[Hypothesis]:
         """Return those of some more that are clearly better there than all that are likely.
 
-        As they stand; of them those that the best is not clearly better than, so many as are likely
-        at most.
+        As they are; of them those than which the best is not clearly better, at most as many as are
+        likely.
         """
         seen = [(there, h) for h in more if (there := self._at(h)) is not None]
         if not likely or not seen:

@@ -2,8 +2,8 @@
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 """The truth behind a concealed recording: other equations, another step, another friction law.
 
-Whoever tests a method on data that the method's own simulator made tests nothing (Colton & Kress
-call it the inverse crime). So nothing here is shared with `sim/kernel.py`:
+A method that is tested on data from its own simulator is not tested (Colton & Kress call this the
+inverse crime). So nothing here is shared with `sim/kernel.py`:
 
     motion     classical Runge-Kutta of fourth order, `steps` >= 20 steps a tick, instead of matrix
                exponentials

@@ -64,5 +64,5 @@ def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, An
         raise SealError(f"{path.name} is not the key that was sealed; use the one made with it")
     for name, file in files.items():
         if digest(file) != expected.get(name):
-            raise SealError(f"{file.name} was changed after its key was sealed; make it anew")
+            raise SealError(f"{file.name} was changed after its key was sealed; make it again")
     return dict(key)

@@ -1,8 +1,8 @@
 """Velocity estimators of the tick, one file each, and the table of them.
 
-An estimator makes a velocity of the encoder's readings, before the low-pass of the interface. It
-has a name, the settings that it takes, what it remembers, a compiled step (`dispatch.py`) and,
-where it is linear, its difference equation for the theory (`estimator.py`).
+An estimator computes a velocity from the encoder's readings, before the low-pass of the interface.
+It has a name, its settings, its memory, a compiled step (`dispatch.py`) and, if it is linear, its
+difference equation for the theory (`estimator.py`).
 """
 
 from zwidth.sim.estimators.difference import difference

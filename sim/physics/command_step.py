@@ -1,4 +1,4 @@
-"""The digital-to-analogue converter knows only steps; its home is `Interface.command_step`."""
+"""The digital-to-analogue converter has steps; the parameter is `Interface.command_step`."""
 
 from collections.abc import Iterator
 

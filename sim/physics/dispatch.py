@@ -1,4 +1,4 @@
-"""The kernel's way into every effect: one line an effect, under the hook at which it enters.
+"""How the kernel calls every effect: one line for each, at the hook where it enters.
 
 A new effect adds its file, its line here, and its line in the registry (`sim/physics/__init__.py`).
 Codes are the `Effect.code` of its declaration; parameters arrive in the declaration's order, what
@@ -47,8 +47,8 @@ INTEGRAL = 18  # the force whose state is the integral part of a servo
 def smooth_force(code, q, v, z, u, w, s, p):
     """Force on the first place: relative position q and velocity v, internal z, held command u.
 
-    w: the command with what a loop's integral adds to it; s: how much of the drive's force counts,
-    0 where it is off. Nothing of laws over states, which are `force_over_states`.
+    w: the command plus the integral action of a loop; s: the share of the drive's force that acts,
+    0 if it is off. Laws over states are excluded; they are in `force_over_states`.
     """
     if code == 1:
         return cubic_force(q, p)
@@ -129,7 +129,7 @@ def next_internal(code, z, q0, q1, v0, v1, h, u, s, p):
 def friction_bounds(code, q, v, w, s, p):
     """Bounds of a dry force at position q, velocity v and under the held command w.
 
-    w, s as in `smooth_force`. They are (lower, upper) sliding, (lower, upper) sticking.
+    w, s as in `smooth_force`. Returns (lower, upper) sliding, (lower, upper) sticking.
     """
     if code == 1:
         return coulomb_bounds(p)
@@ -160,7 +160,7 @@ def sensed(code, position, p):
 def amplified(code, command, p):
     """Command as the amplifier passes it on, between its step and its limit.
 
-    How fast it is followed (4, 5) comes after that, in `amplify`.
+    Limits of its rate (4, 5) come after that, in `amplify`.
     """
     if code == 1:
         return beyond_band(command, p)

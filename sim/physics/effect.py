@@ -1,4 +1,4 @@
-"""What an effect is: its parameters, where it enters, by which hook of the tick, how it is sought.
+"""What an effect is: its parameters, its places, its hook in the tick, how it is sought.
 
 Hooks, in the order of the tick (`sim/kernel.py`):
 
@@ -60,15 +60,14 @@ class Parameter:
     is the value at which the effect changes nothing, None where no single value of this parameter
     does.
 
-    role: a magnitude scales all that the effect does, to first order and counted from its neutral
-    value; a strength says how strong the effect is and is no such factor; turning is a phase or an
-    angle; the rest is shape. least, most: factors of its start between which a fit may move it.
-    open_ended: above its upper bound the law hardly changes, and a fit that ends there is sound.
-    valleys: the errors over it have a valley every few percent, so that a fit ends in the one where
-    it began.
-    inverse: a strength that counts by its reciprocal, 0 where there is none of it, so that half of
-    it is twice as strong: a limit that the largest command says nothing of (of a rate, at speed).
-    meaning: what it is, for people.
+    role: a magnitude multiplies everything that the effect does, to first order and counted from
+    its neutral value; a strength says how strong the effect is, without being such a factor;
+    turning is a phase or an angle; the rest is shape. least, most: factors of its start between
+    which a fit may move it. open_ended: above its upper bound the law hardly changes, and a fit
+    that ends there is sound. valleys: the errors over it have a local minimum every few percent,
+    so that a fit ends in the one where it began. inverse: a strength that counts by its reciprocal,
+    with 0 for no effect, so that half of it is twice as strong: a limit (of a rate, at speed) to
+    which the largest command gives no scale. meaning: what it is, for people.
     """
 
     name: str
@@ -169,9 +168,9 @@ class Effect:
     of that, its other numbers by chance. forbidden: the parameter by which values are no physics.
 
     In the exam, which draws machines with effects. odds: how often one meets it, all its places
-    together, against the odds of the others; 0 where none is drawn. excludes: the effects that no
-    machine has besides it, anywhere. at_share: its values where it is such a share of what
-    the machine is driven by, its other numbers by chance; None: as `drawn`, so much stronger.
+    together, relative to the odds of the others; 0 if it is never drawn. excludes: the effects that
+    no machine has besides it, anywhere. at_share: its values if it is such a share of the driving
+    force, its other numbers random; None: as `drawn`, scaled up.
     """
 
     name: str

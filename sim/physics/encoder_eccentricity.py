@@ -47,8 +47,8 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 def _bounds(z: Sizes, _: Place) -> Bounds:
     """Of fewer waves than two nothing is seen to repeat, on a disk as along a line.
 
-    On joints of robots that turned by less than two of its waves this bent whatever was missing: an
-    "eccentric encoder" of 0.5 rad beside a friction, of a period of the whole travel.
+    On joints of robots that turned by less than two of its waves, this imitated any missing
+    physics: an "eccentric encoder" of 0.5 rad beside a friction, with a period of the whole travel.
     """
     return {"period": (LEAST_COUNTS * z.step, z.span / WAVES)}
 
@@ -63,13 +63,13 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 
 
 def _forbidden(values: Values) -> str:
-    """So far off centre an encoder would count backwards."""
+    """An encoder that is farther off centre would count backwards."""
     backwards = 2.0 * math.pi * abs(values["amplitude"]) > values["period"]
     return "amplitude" if backwards else ""
 
 
 def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float) -> Values:
-    """A tenth of the share, of the rms travel."""
+    """A tenth of the share of the rms travel."""
     return _drawn(random, z, place) | {"amplitude": 0.1 * share * z.position}
 
 

@@ -1,4 +1,4 @@
-"""The encoder counts in steps; its home is `Interface.encoder_step`."""
+"""The encoder counts in steps; the parameter is `Interface.encoder_step`."""
 
 from collections.abc import Iterator
 

@@ -2,12 +2,12 @@
 
     -limit - slope v <= f <= limit - slope v
 
-is what a current loop gives on a supply of U volts: the current that the winding takes at most is
-(U - g k_e v) / R, so that limit = g k_t U / R and slope = g^2 k_t k_e / R. Where it brakes, the
-back-EMF helps, and the limit rises. f is the command as it is held or, of a `position_servo`, what
-its loop asks within its `servo_limit`.
+is what a current loop gives on a supply of U volts: the winding takes a current of at most (U - g
+k_e v) / R, so that limit = g k_t U / R and slope = g^2 k_t k_e / R. When it brakes, the back-EMF
+helps, and the limit rises. f is the held command or, with a `position_servo`, the force that its
+loop asks for within its `servo_limit`.
 
-Limits: the command is the one held, ahead of an `actuator_lag`; beyond limit / slope the supply
+Limits: the command is the held one, before an `actuator_lag`; beyond limit / slope the supply
 brakes, as it does through the diodes of a bridge.
 """
 
@@ -105,6 +105,6 @@ falling_limit = Effect(
 
 @part
 def beyond_falling_limit(w, q, v, s, p):
-    """What the limit takes from the force of the drive, at strength s of it."""
+    """The reduction of the drive's force by the limit, at strength s of the drive."""
     a = s * least(greatest(asked(w, q, v, p, 2), -p[5]), p[5])
     return least(greatest(a, -p[0] - p[1] * v), p[0] - p[1] * v) - a

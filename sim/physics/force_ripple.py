@@ -1,4 +1,4 @@
-"""A force that comes and goes with position, as a motor's cogging or a cable drum's runout.
+"""A force periodic in position, such as a motor's cogging or a cable drum's runout.
 
     f = amplitude sin(2 pi q / period + phase)
 
@@ -56,8 +56,9 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 def _bounds(z: Sizes, place: Place) -> Bounds:
     """Of longer waves less than half is seen to repeat: a force that bends once is a spring's.
 
-    On a spring that hardens (Silverbox) 1.2 waves over the travel cost 526 less in -2 ln than the
-    published cubic law; of a motor's cogging 1.8 were seen. What ends on the bound is no answer.
+    On a spring that hardens (Silverbox), 1.2 waves over the travel cost 526 less in -2 ln than the
+    published cubic law; 1.8 waves of a motor's cogging have been found. A fit that ends on the
+    bound is no answer.
     """
     return {"period": (0.0, z.spans[place.index] / SEEN)}
 

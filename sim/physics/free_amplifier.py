@@ -1,6 +1,6 @@
-"""What an amplifier makes of a command, of no formula: u + f(u), a table (`free_law.py`).
+"""An amplifier's law without a formula: u + f(u), a table (`free_law.py`).
 
-The table has what is added to the command, so that one of zeros changes nothing.
+The table has the values that are added to the command, so one of zeros changes nothing.
 """
 
 from zwidth.sim.jit import part

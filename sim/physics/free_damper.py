@@ -1,9 +1,9 @@
-"""A force of no formula over a velocity, or over that of a link's deflection: a drag as measured.
+"""A force without a formula over a velocity, or over the rate of a link's deflection.
 
     f = f(v),    a table with a smooth curve through it (`free_law.py`).
 
-v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and against
-it on the second. What brakes has a table that falls. At rest it holds nothing: it is no friction.
+v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and with the
+opposite sign on the second. A falling table brakes. At rest it holds nothing: it is no friction.
 """
 
 from zwidth.sim.physics.effect import Effect
@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_damper = Effect(
     name="free_damper",
-    summary="a force over velocity, or over how fast a link gives way, as a table",
+    summary="a force over velocity, or over the rate of a link's deflection, as a table",
     formula="f = f(v), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad/s", "N m"),

@@ -1,4 +1,4 @@
-"""A force of no formula over two states, a grid, or over one, time among them: as it was measured.
+"""A force without a formula: a grid over two states, or a table over one; time may be one.
 
     f = sum over i, j of  r_i(a) c_j(b) F_ij
 
@@ -20,7 +20,7 @@ for each row.
     columns = [-1.0, 0.0, 1.0]        # velocities
     table = [[0.2, 0.0, -0.2], [0.4, 0.0, -0.4], [0.4, 0.0, -0.6]]
 
-or, of what drives a device from outside of it,
+or, for a force from outside the device,
 
     effect = "free_force"
     at = "m1"
@@ -220,7 +220,7 @@ def _forces(table: ArrayLike, rows: int, width: int, alone: bool) -> Floats:
 
 
 def grid_of(values: Mapping[str, float]) -> Grid:
-    """Return a force of no formula by its parameters: what `grid_values` was given."""
+    """Return the arguments of `grid_values` from the parameters of such a force."""
     over = states_over(values)
     alone = len(over) == 1
     rows, columns = (

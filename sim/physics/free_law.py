@@ -1,4 +1,4 @@
-"""A law of no formula: a table of a state and what it makes of it, with a smooth curve through it.
+"""A law without a formula: a table of states and values, with a smooth curve through it.
 
 In each interval of the table, of width h and slope d, with t = clip((s - s_j) / h, 0, 1),
 
@@ -86,15 +86,15 @@ def table_values(
     if odd and tuple(points[0]) != (0.0, 0.0):
         raise ValueError(
             f"table of an odd law begins at {list(points[0])}; it must begin at [0, 0], where an"
-            " odd law is nothing"
+            " odd law is zero"
         )
     if period < 0.0 or (period > 0.0 and not states[-1] - states[0] < period):
         raise ValueError(
-            f"period is {period:g} and table goes from {states[0]:g} to {states[-1]:g}; a law that"
-            " repeats has points of less than one period, and the first follows the last"
+            f"period is {period:g} and table goes from {states[0]:g} to {states[-1]:g}; the points"
+            " of a periodic law cover less than one period, and the first follows the last"
         )
     if period > 0.0 and odd:
-        raise ValueError(f"period is {period:g} and odd is true; a law that repeats gives its turn")
+        raise ValueError(f"period is {period:g} and odd is true; only one of them is allowed")
     return (
         {"odd": float(odd)}
         | row_values(AT, states)

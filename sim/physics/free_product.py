@@ -1,11 +1,11 @@
-"""A force of no formula that is a law of one state times one of another, two tables.
+"""A force without a formula: a law of one state times a factor that depends on another.
 
     f = f(a) g(b)
 
-a and b are two of position, velocity, command and time as in `free_force.py`; f has the force
-[N m | N] and g is a number that it is taken times, each a table of `two_tables.py`. A friction that
-a position shapes is one, a motor whose torque falls with speed, a drag that wears off: a grid of as
-many points along either state has their product in numbers where this has their sum.
+a and b are two of position, velocity, command and time as in `free_force.py`; f is the force [N m |
+N] and g a factor, each a table of `two_tables.py`. Examples are a friction that varies with
+position, a motor whose torque falls with speed, a drag that wears off. A grid with as many points
+along either state needs the product of the two numbers of points, this law only their sum.
 
     [[physics]]
     effect = "free_product"

@@ -1,4 +1,4 @@
-"""What a sensor reads, of no formula: q + f(q), a table of its error (`free_law.py`).
+"""A sensor's error without a formula: the reading is q + f(q), a table (`free_law.py`).
 
 As a calibration against a better sensor gives it.
 """
@@ -9,7 +9,7 @@ from zwidth.sim.physics.free_law import table_law, table_parameters
 
 free_sensor = Effect(
     name="free_sensor",
-    summary="what a reading errs by, over the position, as a table",
+    summary="the error of a reading over the position, as a table",
     formula="reading = q + f(q), a smooth curve through the points of the table",
     places=("sensor",),
     parameters=table_parameters("rad", "rad"),

@@ -1,4 +1,4 @@
-"""A force of no formula over one state that another state shifts along it, two tables.
+"""A force without a formula: a law of one state, shifted by a law of another.
 
     f = f(a + g(b))
 
@@ -15,8 +15,8 @@ its rows, and a product does not have it at all.
     first = [[0.0, 0.0], [0.05, 0.4], [0.1, 0.0], [0.15, -0.4], [0.2, 0.0]]  # position, force
     second = [[-1.0, -0.01], [0.0, 0.0], [1.0, 0.02]]                        # command, shift
 
-Limits: a shift of all of the first table's states and of all of the second table's laws the other
-way is the same.
+Limits: shifting all of the first table's states one way and all of the second table's laws the
+other way gives the same law.
 """
 
 from collections.abc import Sequence

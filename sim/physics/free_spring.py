@@ -1,9 +1,9 @@
-"""A force of no formula over a position, or over the deflection of a link: a spring as measured.
+"""A force without a formula over a position, or over the deflection of a link.
 
     f = f(q),    a table with a smooth curve through it (`free_law.py`).
 
-q is the position of a mass or, in a link, q_i - q_j; f acts on the first mass, and against
-it on the second. A spring that pulls back has a table that falls.
+q is the position of a mass or, in a link, q_i - q_j; f acts on the first mass, and with the
+opposite sign on the second. A spring that pulls back has a falling table.
 """
 
 from zwidth.sim.physics.effect import Effect
@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_spring = Effect(
     name="free_spring",
-    summary="a force over position, or over what a link gives way, as a table",
+    summary="a force over position, or over the deflection of a link, as a table",
     formula="f = f(q), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad", "N m"),

@@ -1,11 +1,11 @@
-"""A servo whose goal goes no faster than a speed of its own, whatever goals it is sent.
+"""A servo that follows its goal no faster than a fixed speed.
 
     g_k = g_(k-1) + clip(goal_k - g_(k-1), -rate T, rate T)
 
-is the goal that its loop closes on. A step of the goal then begins with little force, which grows
-as the profile runs ahead of the shaft: in a log of what the servo asks for it looks like a limit of
-torque at the beginning of every step. The servo's `position_servo` says what a goal counts by, so
-that the rate holds at every gain.
+is the goal of its loop. A step of the goal then begins with little force, which grows as the
+profile runs ahead of the shaft; in a log of the servo's force it looks like a torque limit at the
+beginning of every step. The `position_servo` gives the scale of a goal, so the rate holds at every
+gain.
 
 Limits: the goal is moved on at the ticks, and takes no account of an acceleration.
 """

@@ -1,6 +1,6 @@
 """Weight of a pendulum that turns with a mass: f = -level sin(q + angle).
 
-level: weight times lever; angle: how far from hanging straight down it is at q = 0.
+level: weight times lever; angle: of the pendulum at q = 0, from hanging straight down.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A spring to ground, exact in the propagator; at m1 its home is the chain's own k0."""
+"""A spring to ground, exact in the propagator; at m1 the parameter is the chain's own k0."""
 
 from collections.abc import Iterator
 

@@ -15,9 +15,9 @@ LONGEST_TICKS = 50.0  # a longer one is another mechanism, and without end it cu
 class Lasting:
     """A time as it is sought.
 
-    name: of the parameter. begun: in ticks. longest: in ticks. most: ticks of a step in it, at
-    most. reads: whether it is one of readings, which is told apart for velocities only where they
-    are recorded beside positions.
+    name: of the parameter. begun: first value, in ticks. longest: in ticks. most: largest step of a
+    fit, in ticks. reads: whether it filters readings, which is only distinguished for velocities if
+    they are recorded beside positions.
     """
 
     name: str

@@ -1,13 +1,12 @@
-"""Dry friction in proportion to what the drive carries, as a gear's: |f| <= ratio |a|.
+"""Dry friction proportional to the load of the drive, as in a gear: |f| <= ratio |a|.
 
-a: the drive's force at m1, which is the command as it is held or, of a `position_servo`, what its
-loop asks within its `servo_limit`, less the back-EMF (of which an `open_winding` has none while the
-drive is off). A drive that holds a load presses the teeth
-of its gear together, at rest and in motion alike; it adds to the dry friction that is there without
-a load.
+a: the drive's force at m1, which is the held command or, with a `position_servo`, the force that
+its loop asks for within its `servo_limit`, less the back-EMF (an `open_winding` has none while the
+drive is off). A drive that holds a load presses the teeth of its gear together, at rest and in
+motion alike; this adds to the dry friction without a load.
 
-Limits: the command is the one held, ahead of an `actuator_lag`; what a load drives through the gear
-from behind rubs by the same law, which a worm's does not.
+Limits: the command is the held one, before an `actuator_lag`. A load that drives the gear backwards
+has the same friction, which is not true of a worm gear.
 """
 
 from collections.abc import Iterator

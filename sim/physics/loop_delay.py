@@ -1,4 +1,4 @@
-"""The command takes effect later than the encoder was read; its home is `Interface.delay`."""
+"""The command takes effect after the encoder was read; the parameter is `Interface.delay`."""
 
 import numpy as np
 

@@ -4,11 +4,11 @@ The mean of q over [t - W, t] is (1 - exp(-s W)) / (s W) of it, whose reciprocal
 
     x / (1 - exp(-x)) = 1 + x / 2 + x^2 / 12 - x^4 / 720 + ...:
 
-a filter of second order with w = sqrt(12) / W and zeta = sqrt(3) / 2 (Bessel's) is the same to
-(omega W)^4 / 720 of its size: 0.1 % at omega W = 1, 1 % at 1.7, a window of a quarter wave; what is
-faster it damps less than a mean does at its zeros. A velocity made of the difference of two
-positions a time W apart is the mean of the velocity over W, exactly: half a sample late where
-they are neighbours.
+A filter of second order with w = sqrt(12) / W and zeta = sqrt(3) / 2 (Bessel's) agrees with this
+within (omega W)^4 / 720: 0.1 % at omega W = 1, 1 % at 1.7, a window of a quarter wave. At higher
+frequencies it damps less than a mean does at its zeros. A velocity computed as the difference of
+two positions a time W apart is the mean of the velocity over W, exactly: half a sample late if they
+are neighbours.
 """
 
 import math

@@ -1,7 +1,8 @@
 """Spring that is met on one side only: f = -stiffness (q - place) where side (q - place) > 0.
 
-No effect of the library: a stop, soft or hard, which a recording meets at its ends. The diagnosis
-asks with it whether what was named a bent spring is one (`forces/probes.py`). side: 1 or -1.
+This is not an effect of the library but a stop, soft or hard, which a recording meets at its ends.
+The diagnosis uses it to test whether a spring that was named is really a stop (`forces/probes.py`).
+side: 1 or -1.
 """
 
 from zwidth.sim.jit import part

@@ -1,10 +1,10 @@
-"""A drive that is off does not brake: f = b v while it is off, which undoes so much of a damper.
+"""A drive that is off does not brake: f = b v while it is off, which cancels a part of a damper.
 
-A motor whose winding is shorted while its drive is off goes on braking by its back-EMF, as a damper
-of k_t k_e / R at its shaft; one whose bridge opens turns freely but for its gear. The device's
-damper (of a `position_servo` its back-EMF, else that of m1) has the back-EMF in it at all times; b
-is what of it goes when the drive is off: nothing where the winding is shorted, all of the back-EMF
-where it is open.
+A motor whose winding is shorted while its drive is off still brakes by its back-EMF, as a damper of
+k_t k_e / R at its shaft; one whose bridge opens turns freely except for its gear. The device's
+damper (with a `position_servo` its back-EMF, else that of m1) always includes the back-EMF. b is
+the part that disappears while the drive is off: zero if the winding is shorted, all of the back-EMF
+if it is open.
 
 Limits: off is what a recording says (`[enable]`); a simulation's drive is always on. The force is
 held over a substep (second order), which has to be short against m / b.

@@ -64,7 +64,7 @@ WIDEST = 1e9
 SHARES = (0.004, 0.06)  # of what a recording moves by: magnitudes that a fit begins from
 MOST_POWER = 8  # of a whole exponent that is multiplied out
 STRAIGHT = 1e-9  # relative error of a law that is a straight line over a magnitude
-UNREADABLE = "cannot be read; mend the path or take it out of the environment variable"
+UNREADABLE = "cannot be read; correct the path or take it out of the environment variable"
 
 
 @dataclass(frozen=True)
@@ -222,9 +222,9 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     keys = list(own.values)
     for key in keys:
         if not IDENTIFIER.match(key) or key in ("q", "v", "u", "pi") or key in FUNCTIONS:
-            raise TableError(f"parameters has {key!r}; allowed are names that a formula has not")
+            raise TableError(f"parameters has {key!r}, a name that formulas use; choose another")
     if not keys:
-        raise TableError("parameters is empty; a law has at least one number to be sought")
+        raise TableError("parameters is empty; a law needs at least one parameter")
     formula = table.text("formula")
     law = translated(formula, STATES[enters], keys)
     run = eval(f"lambda q, v, u, p: {law}", dict(PLAIN))  # of what `translated` has written itself
@@ -280,18 +280,18 @@ def _parameter(
     lower = table.number("lower") if "lower" in table else 0.0
     upper = table.number("upper") if "upper" in table else WIDEST
     if not lower < upper:
-        raise TableError(f"{table.path}.lower is {lower:g} and upper {upper:g}; it must be below")
+        raise TableError(f"{table.path}.lower is {lower:g} and upper {upper:g}; lower must be less")
     scales = not starts[key] and _scales(keys.index(key), keys, starts, value)
     role = table.text("role") if "role" in table else "magnitude" if scales else "shape"
     if role not in ROLES:
         raise TableError(f"{table.path}.role is {role!r}; allowed is {', '.join(ROLES)}")
     if role == "magnitude" and not scales:
         raise TableError(
-            f"{table.path}.role is 'magnitude', but the law is no straight line over it, or start"
-            " says from where it is sought; 'strength' is what says how strong it is otherwise"
+            f"{table.path}.role is 'magnitude', but the law is not linear in it, or it has a start;"
+            " use 'strength'"
         )
     if role != "magnitude" and not starts[key]:
-        raise TableError(f"{table.path}.start is missing: from which value is it sought?")
+        raise TableError(f"{table.path}.start is missing; give the value at which a search begins")
     neutral = table.number("neutral") if "neutral" in table else 0.0 if scales else None
     unit = table.text("unit") if "unit" in table else ""
     linear = table.text("linear_unit") if "linear_unit" in table else None
@@ -314,7 +314,7 @@ def _nothing_at_nothing(
             named = " and ".join(p.name for p in parameters if p.role == "magnitude")
             raise TableError(
                 f"formula is {value(q, v, u, numbers):.3g} at q = {q:g}, v = {v:g}, u = {u:g}"
-                f" though {named} are 0; without them it must be nothing"
+                f" although {named} are 0; it must then be 0"
             )
 
 

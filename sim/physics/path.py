@@ -1,4 +1,4 @@
-"""The path of a substep, for forces that remember where they have been and not when."""
+"""The path of a substep, for forces that depend on the path and not on time."""
 
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import select

@@ -4,9 +4,9 @@
 
 in a link over the position of its first mass, as `force_ripple`.
 
-No effect of the library, which has the first harmonic alone: the diagnosis asks with it whether
-what was named `force_ripple` is one of more (`forces/probes.py`), as a magnet's detent or the
-cogging of slots and poles is.
+This is not an effect of the library, which has the first harmonic alone. The diagnosis uses it to
+test whether a named `force_ripple` has several harmonics (`forces/probes.py`), as a magnet's detent
+or the cogging of slots and poles has.
 """
 
 import math

@@ -1,12 +1,13 @@
 """A loop at m1 that drives it to a goal: f = stiffness (goal - q) - damping v - back_emf v.
 
-The command of such a device is the goal, in what its `command_gain` makes a force of (stiffness per
-unit of the goal), so that the numbers here are the loop's own part, which moves with the mass, and
-exact in the propagator. back_emf is a damper as well, of a loop that commands a voltage: outside of
-what `servo_limit` limits. It is what `[drive]` makes of a servo (`sim/drive.py`); beyond its limit
+The command of such a device is the goal, converted to a force by its `command_gain` (stiffness per
+unit of the goal). The numbers here are therefore the loop's own part, which moves with the mass and
+is exact in the propagator. back_emf is also a damper, of a loop that commands a voltage: it is not
+limited by `servo_limit`. `[drive]` makes this effect for a servo (`sim/drive.py`); beyond its limit
 and within its dead zone act `servo_limit` and `servo_dead_zone`.
 
-A motion that is prescribed at the far end of a spring is the same: the spring's other end is m1.
+A motion that is prescribed at the far end of a spring is the same, with m1 at the spring's other
+end.
 """
 
 from zwidth.sim.chain import Matrices

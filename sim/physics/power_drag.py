@@ -1,9 +1,9 @@
 """Drag that grows with a power of speed: f = -level sign(v) |v / speed|^power.
 
-No effect of the library, which has the square alone: the diagnosis asks with it whether what was
-named `quadratic_drag` is drag by another power (`diagnosis/forces/probes.py`). speed says at which
-speed the level holds, and is not free beside level and power. Below a power of one the slope at
-v = 0 has no bound, and no substep would do.
+This is not an effect of the library, which has the square alone. The diagnosis uses it to test
+whether a named `quadratic_drag` is drag by another power (`diagnosis/forces/probes.py`). speed is
+the one at which the level holds, and is not free beside level and power. For a power below one the
+slope at v = 0 has no bound, and no substep would be short enough.
 """
 
 from zwidth.sim.elementary import power

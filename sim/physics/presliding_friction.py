@@ -51,7 +51,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 
 
 def _at_share(random: np.random.Generator, z: Sizes, _: Place, share: float) -> Values:
-    """Bent by less than some steps of the encoder, a bristle is Coulomb friction."""
+    """A bristle that bends by less than some steps of the encoder is Coulomb friction."""
     level = share * z.force
     bend = max(z.position * float(random.uniform(0.01, 0.1)), 3.0 * z.step)
     return {"level": level, "stiffness": level / bend}

@@ -1,9 +1,9 @@
-"""A command that changes no faster than so much a second, as a slew-limited amplifier.
+"""A command with a limited rate of change, such as of a slew-limited amplifier.
 
     u_k = u_(k-1) + clip(a_k - u_(k-1), -rate T, rate T)
 
-of what the amplifier is asked for, a_k, at ticks of T; it comes last, after the amplifier's limit.
-A recorded command begins where it is, and not at zero.
+of the requested force a_k, at ticks of T; it comes last, after the amplifier's limit. A recorded
+command starts at its first value, and not at zero.
 """
 
 import math

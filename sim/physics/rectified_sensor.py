@@ -1,4 +1,4 @@
-"""The sensor knows no sign: it reports |q|. Nothing to tune; it changes nothing where q >= 0."""
+"""The sensor has no sign: it reports |q|. It has no parameters; it changes nothing for q >= 0."""
 
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect

@@ -45,7 +45,7 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, place: Place) -> Bounds:
-    """What still rises at half of the highest speed is a drag, and no friction that has a level."""
+    """Friction that still rises at half of the highest speed is a drag without a level."""
     most = most_friction(z, place)
     return {
         "level": (0.0, most),
@@ -61,7 +61,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 
 
 def _forbidden(values: Values) -> str:
-    """What sticks more than it slides falls with speed, which is another law."""
+    """Friction that is larger at rest than in motion falls with speed, which is another law."""
     return "static_level" if values["static_level"] > values["level"] else ""
 
 

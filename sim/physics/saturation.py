@@ -1,4 +1,4 @@
-"""The amplifier gives no more than its limit; its home is `Interface.command_limit`."""
+"""The amplifier has a largest force; the parameter is `Interface.command_limit`."""
 
 import math
 from collections.abc import Iterator
@@ -38,12 +38,12 @@ def natural_of_limit(z: Sizes, _: Place) -> float:
 
 
 def drawn_of_limit(_: np.random.Generator, z: Sizes, __: Place) -> Values:
-    """Return a limit that is met at times."""
+    """Return a limit that is reached at times."""
     return {"limit": 0.95 * z.peak}
 
 
 def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Values:
-    """So much of the largest command is cut off."""
+    """The amount of the largest command that is cut off."""
     return {"limit": (1.0 - share) * z.peak}
 
 

@@ -1,7 +1,7 @@
 """Second-order filter of a reading: T^2 s'' + 2 zeta T s' + s = q, exact in the propagator.
 
-T is 1 / (2 pi f) of the filter's frequency f; a damping of 0.707 is Butterworth's. See
-`sensor_lag.py` for what tells a filter of readings from one of the command.
+T is 1 / (2 pi f) of the filter's frequency f; a damping of 0.707 is Butterworth's. `sensor_lag.py`
+says how a filter of readings differs from one of the command.
 """
 
 import math

@@ -1,8 +1,9 @@
 """First-order lag of a reading: T s' = q - s, exact in the propagator (`sim/reading.py`).
 
-What is recorded, or read by a law, is s; forces act by the motion itself. Under a command that is
-played the motion of a linear device lags alike by its amplifier (`actuator_lag`): a law that reads,
-another reading, or a force that follows the motion (friction) tells the two apart.
+What is recorded, or read by a law, is s; forces act by the motion itself. For a linear device whose
+command is played from a file, a lag of the amplifier (`actuator_lag`) delays the motion equally.
+The two differ if a law uses the reading, if there is another reading, or if a force follows the
+motion (friction).
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
-"""A servo that does nothing close to its goal: f = -clip(k (goal - q), -k half, k half).
+"""A servo without force close to its goal: f = -clip(k (goal - q), -k half, k half).
 
-half: of the zone, to each side; k the stiffness of the `position_servo`, whose force is then
-k (goal - q -+ half) outside. Play in series with a spring whose other end is moved is the same law.
+half: of the zone, to each side; k: the stiffness of the `position_servo`, whose force is then k
+(goal - q -+ half) outside. Play in series with a spring whose other end is moved is the same law.
 
-Limits: beside a `servo_limit` the force at the limit is too low by k half.
+Limits: with a `servo_limit` the force at the limit is too low by k half.
 """
 
 import math
@@ -42,7 +42,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 servo_dead_zone = Effect(
     name="servo_dead_zone",
-    summary="a zone about a servo's goal, or play at a moved end, in which it does nothing",
+    summary="a zone around a servo's goal in which it gives no force, or play at a moved end",
     formula=(
         "force of the servo: 0 for |goal - q| <= half,  "
         "k (goal - q -+ half) beyond it,  "

@@ -32,7 +32,7 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    """A loop that integrates faster than this would be no integral at these ticks."""
+    """A loop that integrates faster than this would be no integral at this sampling."""
     return {"rate": (0.0, 1.0 / z.period), "limit": (0.0, 5.0 * z.peak)}
 
 

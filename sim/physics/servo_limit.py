@@ -1,11 +1,11 @@
-"""A servo gives no more than its limit: f = s clip(a, -limit, limit) - a of what its loop asks, a.
+"""A servo with a largest force: f = s clip(a, -limit, limit) - a, where its loop asks for a.
 
-a = command - stiffness q - damping v of the `position_servo`; of a device without one a is the
-command, as it is held. s is how much of the drive counts: 1 unless a recording says it (0 where it
-was off, the supply over its nominal voltage). What a supply limits is the voltage: the damper of
-the back-EMF, which is the mechanism's, acts beyond it.
+a = command - stiffness q - damping v of the `position_servo`; without one, a is the held command. s
+is the share of the drive's force that acts: 1 unless a recording states it (0 if it was off, the
+supply over its nominal voltage). A supply limits the voltage; the damper of the back-EMF belongs to
+the mechanism and acts beyond the limit.
 
-Limits: the command is the one held, ahead of an `actuator_lag`. The force is held over a substep
+Limits: the command is the held one, before an `actuator_lag`. The force is held over a substep
 (second order), which has to be short against the servo's own period.
 """
 

@@ -1,4 +1,4 @@
-"""What a recording moves by: what an effect sizes its starts, its sweep and its bounds with."""
+"""Typical amplitudes of a recording, from which an effect sizes its starts, sweep and bounds."""
 
 import math
 from collections.abc import Iterator
@@ -71,7 +71,7 @@ def up_to(most: float, least: float | None = None) -> Iterator[float]:
 def most_friction(z: Sizes, place: Place) -> float:
     """Return the level that would have held a mass still.
 
-    m1 is moved by the command. Farther on, at a resonance, a link pulls more than that.
+    The command moves m1. Farther on, at a resonance, a link transmits more than that.
     """
     return z.peak if place.index == 0 else math.inf
 

@@ -46,9 +46,9 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, place: Place) -> Bounds:
-    """At no speed above the highest recorded is there anything to see of a fall.
+    """Nothing shows of a fall at a velocity above the highest recorded one.
 
-    Nor at one so low that a mass is past it within a sample: what falls there is Coulomb friction.
+    Nor at a velocity so low that a mass passes it within one sample: that is Coulomb friction.
     """
     most = most_friction(z, place)
     return {
@@ -65,7 +65,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 
 
 def _forbidden(values: Values) -> str:
-    """Friction that sticks less than it slides takes a drag's place beside others."""
+    """Friction that is smaller at rest than in motion would take the place of a drag."""
     return "static_level" if values["static_level"] < values["level"] else ""
 
 

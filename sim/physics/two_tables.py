@@ -1,4 +1,4 @@
-"""Laws of no formula of two tables, one over either of two states: what they have in common.
+"""What laws of two tables, each over one of two states, have in common.
 
 A product takes the law of the one times that of the other (`free_product.py`); a shift moves the
 first one's state by the other (`free_shift.py`). The states are two of position, velocity, command

@@ -1,4 +1,4 @@
-"""Whether a device is still true of the machine that recordings are of."""
+"""Whether a device file still describes the machine of its recordings."""
 
 from collections.abc import Sequence
 from os import PathLike

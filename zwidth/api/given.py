@@ -45,9 +45,9 @@ def trace_of(
     columns: of a table time, command, position or velocity -> its column, where somebody named it.
     joint: which to take, of a table or a file with several.
 
-    The one place where a recording that is given becomes one. A file of another tool (a CSV) is
-    taken for what its columns seem to be. What was assumed of a file, and what is odd about it, is
-    warned of. Raises RecordingError or another LogError, TypeError for anything else.
+    This is the only place where a given recording is read. The columns of another tool's file (a
+    CSV) are recognised. Assumptions about a file, and faults in it, are given as warnings. Raises
+    RecordingError or another LogError, TypeError for anything else.
     """
     match given:
         case Trace():

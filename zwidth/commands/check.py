@@ -1,4 +1,4 @@
-"""`zwidth check`: whether a device is still true of the machine that recordings are of."""
+"""`zwidth check`: whether a device file still describes the machine of its recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 @click.option("--joint", metavar="INDEX|NAME",
               help="The joint to check, in a LOG with several and in --model.")  # fmt: skip
 @click.option("--diagnose", "search", is_flag=True,
-              help="Where a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
+              help="If a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
               " does; this takes minutes.")  # fmt: skip
 @click.option("--rebase", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
-              help="Check nothing: take how far free runs err on LOG now as the band, and write"
-              " DEVICE with it, as for a --model that errs more than DEVICE does.")  # fmt: skip
+              help="Instead of checking, measure the errors of free runs on LOG, and write DEVICE"
+              " to FILE with these as its band. For a --model with larger errors.")  # fmt: skip
 @out_option("runs")
 @force_option
 @json_option
@@ -46,14 +46,14 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> int:
-    """Say whether a device is still true of its machine: for a build that fails if not.
+    """Check whether a device file still describes its machine, for automatic builds.
 
-    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] says how far free runs erred then.
-    LOG is a recording that 'zwidth diagnose' reads.
+    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] has the errors of free runs at that
+    time. LOG is a recording that 'zwidth diagnose' reads.
 
-    Exit status: 0 where all are within the band, 1 where one is outside, with one sentence of what
-    changed, 2 for bad input. The parameters of DEVICE are refitted for that sentence; nothing is
-    searched without --diagnose. --out is the folder of what --diagnose writes.
+    Exit status: 0 if all are within the band, 1 if one is outside, 2 for bad input. If one is
+    outside, the parameters of DEVICE are refitted, and one sentence says what changed; new physics
+    is only searched for with --diagnose, which writes its results to --out.
     """
     from zwidth.checking import check, rebased
     from zwidth.console import Console, announce

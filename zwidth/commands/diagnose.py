@@ -130,7 +130,7 @@ def _refuse_beside_all_joints(recordings: Sequence[Path], validate: Sequence[Pat
     """Raise ValueError for what has no use where every joint of a recording is diagnosed."""
     if len(recordings) > 1 or validate:
         what = "--validate" if validate else f"{len(recordings)} recordings"
-        raise ValueError(f"--joint all takes one recording, and {what} beside it has no use")
+        raise ValueError(f"--joint all takes one recording, and {what} cannot be added")
 
 
 def _refuse_beside_a_fleet(
@@ -139,9 +139,9 @@ def _refuse_beside_a_fleet(
     """Raise ValueError for what has no use where a fleet is diagnosed."""
     if len(recordings) > 1:
         raise ValueError(
-            f"{len(recordings)} are given and one of them is a fleet; give the folder or the table"
-            " of recordings alone, or recordings only"
+            f"{len(recordings)} recordings are given, and one of them is a fleet; give"
+            " the folder or the table of recordings alone, or recordings only"
         )
     if validate or wall is not None or model is not None:
         option = "--validate" if validate else "--known-torque" if wall is None else "--wall"
-        raise ValueError(f"{option} has no use with a fleet; leave it out")
+        raise ValueError(f"{option} cannot be used with a fleet; leave it out")

@@ -25,7 +25,7 @@ from zwidth.sim.physics.own import IDENTIFIER, OWN
 
 NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
 LETTERS = (
-    "in it, q is the position (of a link: what it gives way), v the velocity, u the command and f"
+    "in it, q is the position (of a link: its deflection), v the velocity, u the command and f"
     " the force on the mass or link"
 )
 
@@ -110,10 +110,10 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     except (ValueError, KeyError, TypeError):
         raise ValueError(f"{file} is no result of 'zwidth diagnose --json FILE'") from None
     if not found:
-        raise ValueError(f"{file} has no law that was learned: every finding in it has a name")
+        raise ValueError(f"{file} has no learned law: every finding in it has a name")
     if not found["formulas"]:
         raise ValueError(
-            f"{file} has a law that looks like no formula; as a table it stands in the augmented"
+            f"{file} has a learned law without a formula near it; use the table in the augmented"
             f" device ({found['effect']})"
         )
     said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"

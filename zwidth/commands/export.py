@@ -1,4 +1,4 @@
-"""`zwidth export`: a device for another simulator, and what that cannot hold of it."""
+"""`zwidth export`: a device for another simulator, and what its format cannot describe."""
 
 from pathlib import Path
 

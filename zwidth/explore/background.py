@@ -8,8 +8,8 @@ from threading import Lock
 class Newest:
     """One thread that does one kind of work for one page.
 
-    A piece of work is an iterator: between its steps it is given up where a newer one was asked
-    for, or the page has gone. `failed` is called, on the thread, with what an unexpected error is.
+    A piece of work is an iterator: between its steps it is abandoned if a newer one was requested,
+    or the page has gone. `failed` is called, on the thread, with an unexpected error.
     """
 
     def __init__(self, failed: Callable[[Exception], None]) -> None:

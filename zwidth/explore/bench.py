@@ -151,7 +151,7 @@ class Bench:
         )
 
     def still_fits(self, view: View) -> bool:
-        """Whether the boundary is neither cut off by the axes of a view nor lost in them."""
+        """Whether the boundary is neither cut off by the axes of a view nor too small in them."""
         if view.damping_range is None or view.stiffness_range is None:
             return False
         pairs = zip(self._extent(view), (view.damping_range, view.stiffness_range), strict=True)

@@ -94,7 +94,7 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
 
 
 def _ends(found: Look) -> float:
-    """When a run ended that did not go on to the end, 0 for one that did."""
+    """Time at which a run ended early, 0 for a complete one."""
     t = found.trace.t
     return float(t[-1]) if t.size and float(t[-1]) < EARLY * SECONDS else 0.0
 

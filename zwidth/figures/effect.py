@@ -210,20 +210,31 @@ def _law(effect: Effect, shown: Shown, run: Run) -> tuple[Floats, Floats, tuple[
         part = slice(-500, None)  # the last wave
         return _asked(shown)[part], trace["applied"][part], names
     if shown.over == "deflection":
-        force = _inertia(trace, 1)
-        q = trace["position_m1"] - trace["position_m2"]
-        return q, force, ("deflection of the link [rad]", "force of the link [N m]")
+        deflection = trace["position_m1"] - trace["position_m2"]
+        names = ("deflection of the link [rad]", "force of the link [N m]")
+        return _middle(deflection), _moving(trace, 1), names
     if shown.over == "goal":
-        force = _inertia(trace, 0)[50:]  # once the jerk of the beginning is over
+        part = slice(50, None)  # once the jerk of the beginning is over
         goal = _asked(shown) / 1.0 - trace["position_m1"]
-        return goal[50:], force, ("goal - position [rad]", "force of the servo [N m]")
-    force = _inertia(trace, 0) - trace["applied"]
-    x = trace["command"] if shown.over == "command" else trace[f"{shown.over}_m1"]
+        names = ("goal - position [rad]", "force of the servo [N m]")
+        return _middle(goal)[part], _moving(trace, 0)[part], names
+    force = _moving(trace, 0) - trace["applied"][:-1]
+    commanded = shown.over == "command"
+    x = trace["command"][:-1] if commanded else _middle(trace[f"{shown.over}_m1"])
     unit = {"position": "rad", "velocity": "rad/s", "command": "N m"}[shown.over]
     return x, force, (f"{shown.over} [{unit}]", "its force [N m]")
 
 
-def _inertia(trace: Trace, mass: int) -> Floats:
-    """Return the force that moves a mass, of its speed alone."""
-    v = trace[f"velocity_m{mass + 1}"]
-    return MASSES[mass] * np.gradient(v, PERIOD) + DAMPERS[mass] * v
+def _moving(trace: Trace, mass: int) -> Floats:
+    """Return the mean force on a mass over each tick, its damper's apart.
+
+    Over whole ticks, in which a command is held: momentum and travel give the mean without error,
+    where a slope across two ticks mixes two commands.
+    """
+    velocity, position = (trace[f"{key}_m{mass + 1}"] for key in ("velocity", "position"))
+    return (MASSES[mass] * np.diff(velocity) + DAMPERS[mass] * np.diff(position)) / PERIOD
+
+
+def _middle(x: Floats) -> Floats:
+    """Return a signal in the middle of each tick."""
+    return 0.5 * (x[1:] + x[:-1])

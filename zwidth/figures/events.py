@@ -35,6 +35,6 @@ def events_figure(event: Event) -> Figure:
         words = {"stop": "hit on a stop", "touch": "hand or another contact"}
         name = words.get(event.kind, event.kind)
         top.set_title(f"A {name}: force and motion over time" if what == "force"
-                      else f"A {name}: what the reading is off by, and the reading")  # fmt: skip
+                      else f"A {name}: the error of the reading, and the reading")  # fmt: skip
         figure.legend(loc="outside lower center", ncols=4)
     return figure

@@ -100,7 +100,7 @@ def reliability_figure(found: Mapping[str, Any]) -> Figure:
         axes.set_xlim(-0.02, 1.02)
         axes.set_ylim(-0.02, 1.02)
         axes.set_xlabel("probability that was stated")
-        axes.set_ylabel("share of statements that are so")
+        axes.set_ylabel("share of statements that are true")
         error = found["expected_error"]
         said = f"{found['statements']} statements"
         axes.set_title(f"{said}, calibration error {error:.3f}" if table else "none was stated")

@@ -25,7 +25,7 @@ SPREAD = 3.0  # times the curve's height, within which samples are shown
 
 
 def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
-    """Return what was learned over the state that it follows, and how often that was visited."""
+    """Return the learned law over its state, and how often each state was visited."""
     curve = law.curve
     state_unit, made_unit = (
         curve.physics.effect.parameter(name).unit_for(rotary) for name in (AT[0], FORCE[0])
@@ -67,13 +67,13 @@ def _visited(s: Floats, seen: Floats) -> NDArray[np.bool_]:
 
 
 def _turned(law: LearnedLaw, states: Floats) -> Floats:
-    """States within one turn of a law that repeats, as they are of another."""
+    """States within one turn of a periodic law; other states as they are."""
     period, first = law.curve.period, float(law.curve.states[0])
     return states if period == 0.0 else first + np.mod(states - first, period)
 
 
 def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
-    """What the recording says of the law, sample by sample."""
+    """The law according to each sample of the recording."""
     states, forces = law.samples()
     every = max(1, states.size // SHOWN)
     tall = SPREAD * float(np.abs(law.curve.forces).max())

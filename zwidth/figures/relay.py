@@ -113,7 +113,7 @@ def relay_boundary_figure(
 
 
 def _linear_line(axes: Axes, device: Device, furthest: float, colour: str, dashes: Any) -> None:
-    """The linear boundary, to where it ends or a little beyond what was asked."""
+    """The linear boundary, to its end or a little beyond the requested range."""
     if not has_theory(device):
         return
     last = last_stable_damping(device)

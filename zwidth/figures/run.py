@@ -102,7 +102,7 @@ def _line(
 
 
 def thinned(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:
-    """Return a line that looks the same: the lowest and highest value in each of the columns."""
+    """Return a line that looks the same: the lowest and highest value in each column of pixels."""
     size = -(-values.size // columns)
     if size <= 2:
         return t, values

@@ -27,7 +27,7 @@ OWN = "zwidth paper --section paddle"
 
 
 def section() -> Section:
-    """Return measurement, linear theory and time domain, and what tells them apart."""
+    """Return measurement, linear theory and time domain, and their differences."""
     device = load_device(DEVICE)
     measured = paddle_boundary()
     at = np.array([p.damping for p in measured])

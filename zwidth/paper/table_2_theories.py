@@ -55,7 +55,7 @@ CANDIDATES: dict[str, tuple[str, ...]] = {
 
 
 class Theory(NamedTuple):
-    """A device as a candidate has it.
+    """A device according to a candidate.
 
     gain of the amplifier; delay [s] beyond that of the loop; rho: friction over the relay's force;
     ratio: the amplifier's limit over the relay's force, infinite for none.

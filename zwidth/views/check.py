@@ -1,4 +1,4 @@
-"""Whether a device is still true of its machine: a row for each output of each recording."""
+"""Whether a device file still describes its machine: a row for each output of each recording."""
 
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def table(found: Check) -> Table:
-    """Return errors of free runs beside the most that is within the band."""
+    """Return errors of free runs beside the largest error within the band."""
     headings = ("recording", "output", "error", "band, up to", "")
     grid = [
         [

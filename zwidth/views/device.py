@@ -74,7 +74,7 @@ def said_of_estimator(face: Interface, rotary: bool) -> list[str]:
 
 
 def in_points(physics: Physics) -> str:
-    """What a law of no formula has in place of a few numbers; "" for all other effects."""
+    """The description of a law without a formula; "" for all other effects."""
     if is_table(physics.effect.parameters):
         return f"a table of {len(points_of(physics.values))} points"
     if is_two_tables(physics.effect.parameters):

@@ -92,7 +92,7 @@ def _force(found: Diagnosis) -> "Figure":
     from zwidth.figures.diagnosis import force_map_figure
 
     if not found.located.maps:
-        raise ValueError("nothing says where a force is missing; draw 'residual' instead")
+        raise ValueError("no missing force was located; draw 'residual' instead")
     return force_map_figure(found.located, found.device.rotary)
 
 

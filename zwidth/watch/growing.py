@@ -1,8 +1,8 @@
 """A log that grows, in a file or out of a pipe, as far as it is whole: `Growing`.
 
-Readers read files, and whole ones. So what has come is copied to a file of the same name in a
-folder of its own, of a text table only as far as its last line is complete, of an MCAP file as it
-is, for its reader leaves out a record that is not complete.
+Readers read complete files. So the data so far are copied to a file of the same name in a folder of
+its own: of a text table up to its last complete line, of an MCAP file as it is, since its reader
+leaves out an incomplete record.
 """
 
 import os
@@ -111,7 +111,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
             known = os.fstat(file.fileno())
             if known.st_size < taken or known.st_ino != first:
                 raise RecordingError(
-                    f"{path} was started anew; run the same command again to follow it"
+                    f"{path} was started again; run the same command again to follow it"
                 )
             file.seek(taken)
             new = file.read(known.st_size - taken)
@@ -148,6 +148,6 @@ def _refuse_whole_formats(name: str, begun: bytes) -> None:
     for start, _ in STARTS:
         if begun.startswith(start[:WIDEST]):
             raise RecordingError(
-                f"{name} is of a format that is written as a whole; an MCAP file or a text table"
-                " can be followed, this one 'zwidth diagnose' reads when it is finished"
+                f"{name} has a format that can only be read when it is complete; follow an MCAP"
+                " file or a text table, or give this one to 'zwidth diagnose' when it is finished"
             )

@@ -1,10 +1,10 @@
 """A quick fit of what a search found to the last samples, which says whether it still stands.
 
-The structure stays as it was found, its numbers are fitted anew (`settled`, from where they were),
-beside the same without its effects. It stands where it costs less than doing without by more than
-chance would have it, 2 ln (1 / ALPHA), and where free runs err no farther than its own noise makes
-them (`answer.adequacy`), here on the samples that it was fitted to. Nothing new is sought; what
-takes its place is for the next search to say.
+The structure stays as it was found, its numbers are fitted again (`settled`, from their last
+values), and so is the same without its effects. It stands if it costs less than without them by
+more than chance allows, 2 ln (1 / ALPHA), and if free runs err no more than its own noise predicts
+(`answer.adequacy`), here on the samples that it was fitted to. No new effects are sought; that is
+left to the next search.
 """
 
 import math

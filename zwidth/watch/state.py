@@ -21,7 +21,7 @@ OPEN_END = "the log was not closed"  # of a log that is being written that is no
 
 @dataclass(frozen=True)
 class Read:
-    """What a log holds so far. said: what it was taken for; warnings: what is odd about its file.
+    """The content of a log so far. said: how it was read; warnings: faults of its file.
 
     wanting: why nothing can be read yet, "" where something can; trace: None there.
     """
@@ -47,7 +47,7 @@ class Read:
 def read(spool: Path, description: Description | None) -> Read:
     """Return what the copy of a log holds; description: of a recording TOML, where one is given.
 
-    Raises LogError for what more samples do not mend.
+    Raises LogError for an error that more samples cannot correct.
     """
     if not spool.exists():
         return Read(wanting="nothing has come yet")

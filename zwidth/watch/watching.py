@@ -38,7 +38,7 @@ Tell = Callable[[Update], None]
 
 @dataclass(frozen=True)
 class Asked:
-    """What is followed, against what, and what else is to be said.
+    """The log that is followed, its device, and what else to report.
 
     description: of a recording TOML, None for a log that says itself what it holds; device: None
     for one to be fitted. damping: of the wall; walls: whether to say one, None for where the device

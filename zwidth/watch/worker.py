@@ -54,7 +54,7 @@ class Worker:
             result = self._here.recv()
         except EOFError:
             raise ChildProcessError(
-                "the process that fits died; look at the memory that it needs"
+                "the process of the fit died; check the memory that it needs"
             ) from None
         if isinstance(result, BaseException):
             raise result
