@@ -295,9 +295,13 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
     if home is not None and not effect.adds:
         (parameter,) = effect.parameters
         return getattr(device.interface, home) != parameter.neutral
-    # With a spring to ground, the recording's origin is fitted: the same as a constant force.
-    sprung = device.chain.ground_spring > 0.0
-    return sprung and effect.known_if_sprung and place == Place("mass", 0)
+    # With a spring to ground, the recording's origin is fitted: the same as a constant force, as
+    # long as that spring is straight. One that is not is pushed to where it bends another way.
+    sprung, told = device.chain.ground_spring > 0.0, effect.known_if_sprung
+    if told == "straight" and any(p.effect.name == "cubic_stiffness" and p.at == "ground"
+                                  for p in device.physics):  # fmt: skip
+        return False
+    return sprung and told != "no" and place == Place("mass", 0)
 
 
 def has_room(effect: Effect, masses: int) -> bool:

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from zwidth.diagnosis.account import counts
 from zwidth.diagnosis.answer.adequacy import Adequacy
@@ -228,6 +229,38 @@ class Diagnosis(Shown):
     events: "tuple[Event, ...]" = ()
     cost: dict[str, Any] = field(default_factory=dict[str, Any])
     negligible: tuple[Finding, ...] = ()
+
+    def predict(self, u_test: ArrayLike, y_first: ArrayLike) -> Floats:
+        """Return what the improved device makes of a new command, with a law that was learned.
+
+        u_test (ticks,): a command for every period of the recordings [N, N m; where these were
+        diagnosed in their own units, in those]. y_first (n,), of one output, or (n, outputs): the
+        first samples that were measured under it, in the order of the recordings' outputs [m, rad,
+        m/s, rad/s; N, N m of a drive's force], ten at least.
+
+        The state is estimated from y_first; from there on the device runs free, under the command
+        alone. Returns (ticks,) or (ticks, outputs) in the same units, the first n samples as they
+        were given. Infinite from where the motion overflows. Raises ValueError, with what to
+        change, for arrays of another shape or that are not finite, and where the recordings had to
+        be corrected before they could be read (a wrong sign or unit, columns exchanged, a late
+        command).
+        """
+        from zwidth.diagnosis.answer.prediction import predicted  # which needs this module
+
+        smooth = self.device.interface.command_hold == "smooth"
+        return predicted(
+            self.predicts_with, self.experiments[0], self.faults, smooth, u_test, y_first
+        )
+
+    @cached_property
+    def predicts_with(self) -> Searched:
+        """What `predict` runs: the answer, its law where that is known, its numbers for long runs.
+
+        The first time it is asked for it may fit for some seconds (`answer.prediction`).
+        """
+        from zwidth.diagnosis.answer.prediction import predicts
+
+        return predicts(self.searched, self.learned, self.experiments)
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""

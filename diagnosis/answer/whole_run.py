@@ -127,6 +127,13 @@ def simulated(
 
     measured: whether the recording gives the best initial state; otherwise the first samples do.
     """
+    return recorded(e, free_run(model, x, e, observer, measured))
+
+
+def free_run(
+    model: Model, x: Floats, e: Experiment, observer: Observer, measured: bool = True
+) -> Floats:
+    """Outputs (ticks, o) of the same, as the recording was taken (`recorded`)."""
     device = model.acting(x)
     seen = model.seen(e, x)
     seen = begun(device, seen, observer) if measured else seen
@@ -139,7 +146,7 @@ def simulated(
             seen.external(eq.dof), memory, seen.strengths,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.
-        return recorded(e, e.measured - wrong)
+        return e.measured - wrong
 
 
 def recorded(e: Experiment, taken: Floats) -> Floats:

@@ -1,0 +1,147 @@
+"""`zwidth diagnose` on the public leader boards: one run, trained on train, the tests opened once.
+
+    python -m benchmarks.official RECORDINGS
+    python -m benchmarks.official RECORDINGS --only emps --write
+
+RECORDINGS: the folder with emps/DATA_EMPS.mat, official/DATA_EMPS_PULSES.mat and
+official/SNLS80mV.csv, which are not ours to pass on. Splits, windows and metric are those of
+`nonlinear_benchmarks`; `identibench` scores the same answers by its own runner. Both come with
+pip install 'zwidth[boards]'. --write puts the table into docs/official.md.
+"""
+
+import argparse
+import sys
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.official.boards import BOARDS, Board, Floats, placed
+from benchmarks.official.by_identibench import scores
+from benchmarks.official.floor import floors
+from zwidth import Diagnosis
+from zwidth.errors import explain
+from zwidth.files.protection import writing_as
+from zwidth.files.whole import write_text
+from zwidth.sim.device import place_label
+from zwidth.sim.readable import with_unit
+
+PAGE = Path(__file__).parents[2] / "docs" / "official.md"
+RUNS = Path(__file__).parents[2] / "runs" / "official"
+BEGIN, END = "<!-- made by benchmarks/official -->\n", "<!-- until here -->\n"
+STEP = 5e-8  # m, of EMPS' encoder
+
+
+@dataclass(frozen=True)
+class Result:
+    """errors, elsewhere: by the names of the tests, in the board's unit; floor in it, too."""
+
+    board: Board
+    errors: dict[str, float]
+    elsewhere: list[float]
+    seconds: float
+    physics: str
+    verdict: str
+    floor: tuple[float, Floats] | None
+
+
+def physics_of(answer: Diagnosis) -> str:
+    """Return what the device that predicts is made of, with its numbers."""
+    found = answer.predicts_with
+    device = found.final.model.build(found.final.x)
+    said: list[str] = []
+    for p in device.physics:
+        if p.effect.sought == "learned":
+            said.append(f"`{place_label(p)}`: a learned table")
+            continue
+        values = [f"{q.name} {with_unit(p.values[q.name], q.unit_for(device.rotary), 4)}"
+                  for q in p.effect.parameters]  # fmt: skip
+        said.append(f"`{place_label(p)}`: {', '.join(values)}")
+    return "; ".join(said)
+
+
+def result_of(board: Board, folder: Path) -> Result:
+    """Train, then open the tests."""
+    from nonlinear_benchmarks.error_metrics import RMSE
+
+    begun = time.process_time()
+    train, tests = board.load(folder)
+    answer = board.answer(train)
+    physics = physics_of(answer)  # fits what predicts
+    seconds = time.process_time() - begun
+    factor = board.shown[1]
+    errors: dict[str, float] = {}
+    for name, test in zip(board.tests, tests, strict=True):
+        n = test.state_initialization_window_length
+        model = board.predicted(answer, test.u, test.y[:n])
+        errors[name] = factor * float(RMSE(test.y[n:], model[n:]))
+    floor = None
+    if answer.device.chain.ground_spring == 0.0:  # what has a spring forgets its beginning
+        n = tests[0].state_initialization_window_length
+        state, chance = floors(answer, board.scale * np.ravel(tests[0].u), n, STEP)
+        floor = factor * state, factor * chance
+    elsewhere = list(scores(board, answer, train, folder).values())
+    return Result(board, errors, elsewhere, seconds, physics, answer.verdict.value, floor)
+
+
+def table(results: list[Result]) -> str:
+    """Return the page's table and what predicts, as Markdown."""
+    lines = [
+        "| test | test RMSE | by `identibench` | asked | published | CPU s, training |",
+        "|---|---|---|---|---|---|",
+    ]
+    below: list[str] = []
+    for r in results:
+        unit = r.board.unit
+        for k, (name, error) in enumerate(r.errors.items()):
+            lines.append(
+                f"| {r.board.title}: {name} | **{error:.3g} {unit}** | {r.elsewhere[k]:.3g} {unit}"
+                f" | {r.board.tests[name]:.3g} {unit} | {r.board.published[name]} |"
+                f" {r.seconds:.0f} |"
+                if k == 0
+                else f"| {name} | **{error:.3g} {unit}** | {r.elsewhere[k]:.3g} {unit}"
+                f" | {r.board.tests[name]:.3g} {unit} | {r.board.published[name]} | |"
+            )
+        below.append(f"- {r.board.title}: {r.physics}. Verdict of the training data: `{r.verdict}`.")
+        if r.floor is not None:
+            state, chance = r.floor
+            low, middle, high = np.quantile(chance, [0.05, 0.5, 0.95])
+            below.append(
+                f"- Drift floor of {r.board.title}: the state from the first window costs"
+                f" {state:.2g} {unit}; forces of chance as the training data have them cost"
+                f" {middle:.2g} {unit} ({low:.2g} to {high:.2g} in 90 of 100 draws)."
+            )
+    packages = ", ".join(f"`{p}` {version(p)}" for p in ("nonlinear_benchmarks", "identibench"))
+    return "\n".join([*lines, "", "What predicts:", "", *below, "", f"Packages: {packages}.", ""])
+
+
+def main() -> int:
+    """Compute what was asked for, and print the table; 2 where that cannot be."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("recordings", type=Path, help="folder of the published files")
+    options.add_argument("--only", choices=list(BOARDS), action="append", help="this board")
+    options.add_argument("--write", action="store_true", help="write docs/official.md, too")
+    asked = options.parse_args()
+    try:
+        RUNS.mkdir(parents=True, exist_ok=True)
+        folder = placed(asked.recordings, RUNS)
+        made = table([result_of(BOARDS[name], folder) for name in asked.only or list(BOARDS)])
+        print(made)
+        if asked.write:
+            page = PAGE.read_text(encoding="utf-8")
+            before, rest = page.split(BEGIN)
+            with writing_as("official", overwrite=True):
+                write_text(PAGE, before + BEGIN + made + END + rest.split(END)[1])
+    except (OSError, ValueError) as error:
+        status, sentence = explain(error)
+        print(f"Error: {sentence}", file=sys.stderr)
+        return int(status)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
