@@ -92,7 +92,7 @@ def test_recordings_that_were_corrected_are_refused():
 
     wrong = Fault("output_scale", "position_m1 counts 1000 times", True, 1e-3, "", ("position_m1",))
     doubtful = replace(answer(), faults=(wrong,))
-    with pytest.raises(ValueError, match="counts 1000 times.*correct the file"):
+    with pytest.raises(ValueError, match=r"counts 1000 times.*correct the file"):
         doubtful.predict(np.zeros(50), np.zeros(20))
 
 

@@ -104,7 +104,8 @@ def table(results: list[Result]) -> str:
                 else f"| {name} | **{error:.3g} {unit}** | {r.elsewhere[k]:.3g} {unit}"
                 f" | {r.board.tests[name]:.3g} {unit} | {r.board.published[name]} | |"
             )
-        below.append(f"- {r.board.title}: {r.physics}. Verdict of the training data: `{r.verdict}`.")
+        said = f"Verdict of the training data: `{r.verdict}`."
+        below.append(f"- {r.board.title}: {r.physics}. {said}")
         if r.floor is not None:
             state, chance = r.floor
             low, middle, high = np.quantile(chance, [0.05, 0.5, 0.95])

@@ -58,8 +58,8 @@ class Board:
         """Return the diagnosis of the training data: nothing else is fitted to."""
         t = np.arange(len(train)) * float(train.sampling_time)
         return diagnose(
-            {"t_s": t, "force_n": self.scale * np.ravel(train.u), "position_m": np.ravel(train.y)},
-            self.device, time="t_s", command="force_n", position="position_m",
+            {"t_s": t, "force_N": self.scale * np.ravel(train.u), "position_m": np.ravel(train.y)},
+            self.device, time="t_s", command="force_N", position="position_m",
             effort=self.settings, say=say,
         )  # fmt: skip
 

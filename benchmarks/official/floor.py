@@ -1,7 +1,7 @@
 """What a perfect model would err: the drift that no knowledge of the first samples takes away.
 
-A device without a spring integrates. Whoever knows it exactly, and its command, still errs in a free
-run by two things:
+A device without a spring integrates. Whoever knows it exactly, and its command, still errs in a
+free run by two things:
 
 - state: the first samples tell the state as well as their reading allows. Shown by the answer's
   own device that reads in the encoder's steps, with nothing else acting;
@@ -13,8 +13,6 @@ run by two things:
 
 Neither needs any reading of the test: the command alone.
 """
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +41,8 @@ def floors(answer: Diagnosis, command: Floats, window: int, step: float) -> tupl
     left = innovations(device, seen, observer.gain)[SETTLING:]
 
     def run(errors: Floats) -> Floats:
-        new = replace(
-            Experiment(like.period, command, np.zeros(errors.shape), like.outputs, swing=like.swing),
+        new = Experiment(
+            like.period, command, np.zeros(errors.shape), like.outputs, swing=like.swing,
             start=seen.start,
         )  # fmt: skip
         return driven(device, new, observer.gain, errors)[:, 0]

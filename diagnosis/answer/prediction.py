@@ -48,8 +48,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 LEAST = 10  # samples, of which the slope of a position is taken
-KNOWN = 0.5  # of what bends in a law, rms, that half of its band may be for it to predict; seen
-# are 0.04 (a spring, 1000 samples to a point) and 0.88 (friction, two in three points between speeds)
+# Of what bends in a law, rms, that half of its band may be for it to predict. Seen are 0.04, of a
+# spring that moves all over, and 0.88, of friction of which a recording dwells at three speeds.
+KNOWN = 0.5
 KEPT = ("period", "outputs", "swing", "differenced", "folded")
 
 
@@ -101,7 +102,8 @@ def _is_known(law: "LearnedLaw | LearnedSurface") -> bool:
 def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | None:
     """The same names as free runs as long as the recordings tell them; None where no better."""
     firsts, final = found.problem.experiments, found.final
-    cut = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in zip(firsts, whole))
+    pairs = list(zip(firsts, whole, strict=False))
+    cut = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in pairs)
     if not cut or not final.model.effects or final.model.varying:
         return None
     rests = [

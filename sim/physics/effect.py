@@ -158,8 +158,8 @@ class Effect:
     place has one. creased: what it predicts is no smooth function of its parameters. sought: how.
     in_recording: taken off the recording and not simulated. absorbed: a refit of linear parameters
     takes a little of it up; known_if_sprung: it has it already at m1 of a device with a spring to
-    ground (the spring, or the origin of the position; of a "straight" one alone). weakens: a device with it seems driven by a
-    smaller command.
+    ground (the spring, or the origin of the position; of a "straight" one alone). weakens: a device
+    with it seems driven by a smaller command.
 
     starts: values that a fit may begin from, over the magnitudes a recording could show. sweep: the
     same from hardly anything to the most that is plausible, for a search that starts far. bounds:
