@@ -8,27 +8,28 @@ its authors give it; the same structure is fitted to their recording, by errors 
 beginning at their numbers. What no author states of it (`-`) is fitted as well and begins at a
 tenth. Both sets then run freely over the same windows of half a second of recordings that nothing
 was fitted to. Nothing is searched for: what the structure lacks is on the machines' own pages.
---write puts the table into docs/audit.md.
+--write puts the table into benchmarks/notes/audit.md.
 """
 
 import argparse
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.held_out import rms
+from zwidth.diagnosis.answer.band import windows_of
 from zwidth.diagnosis.answer.findings import UNITS
+from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95, standard_errors
 from zwidth.diagnosis.model.parameters import Model, Parameter, values_of
-from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.noise.predictor import free_run_errors, window
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
+from zwidth.diagnosis.selection.searched import judge_of
+from zwidth.diagnosis_report import estimate
 from zwidth.errors import explain
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text
@@ -38,8 +39,10 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.readable import with_unit
 
+Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
-MACHINES, PAGE = ROOT / "docs" / "machines", ROOT / "docs" / "audit.md"
+MACHINES = ROOT / "docs" / "machines"
+PAGE = ROOT / "benchmarks" / "notes" / "audit.md"
 BEGIN, END = "<!-- made by benchmarks/audit.py -->\n", "<!-- until here -->\n"
 HORIZON_S = 0.5
 
@@ -159,11 +162,9 @@ def of_parameter(s: Stated, h: Hypothesis, p: Parameter, place: int, error: floa
     return Told(p.name, s.linear.get(p.name), value, half, unit)
 
 
-def free_error(model: Model, x: np.ndarray, h: Hypothesis, judge: Sequence[Experiment]) -> float:
-    """Return the rms error of free runs over windows of the first output."""
-    built, observer = model.acting(x), h.noise.observer
-    seen = [begun(built, model.seen(e, x), observer) for e in judge]
-    return rms([free_run_errors(built, e, observer.gain, window(e))[0][:, 0] for e in seen])
+def free_error(model: Model, x: Floats, judge: Sequence[Experiment], ratio: float) -> float:
+    """Return the rms error of the first output; each window begins in an observer's state."""
+    return float(windows_of(model, x, judge, ratio, HORIZON_S).rms[0])
 
 
 def audit(s: Stated, data: Path) -> Audit:
@@ -180,11 +181,12 @@ def audit(s: Stated, data: Path) -> Audit:
     authors = tuple(make_physics(n, at, **v) for n, at, v in s.physics
                     if not s.unstated.intersection(v))  # fmt: skip
     stated = Model(replace(device, physics=(*device.physics, *authors)))
+    ratio = judge_of(h).ratio  # under which the next sample is likeliest: it forgets soon
     unit = "rad" if device.rotary else "m"
     return Audit(
         s, tuple(t for t in told if t is not None),
-        free_error(stated, np.zeros(len(stated.parameters)), h, judge),
-        free_error(h.model, h.x, h, judge), unit,
+        free_error(stated, np.zeros(len(stated.parameters)), judge, ratio),
+        free_error(h.model, h.x, judge, ratio), unit,
     )  # fmt: skip
 
 
@@ -202,9 +204,7 @@ def table(audits: Sequence[Audit]) -> str:
         for k, t in enumerate(a.told):
             stated = "-" if t.stated is None else with_unit(t.stated, t.unit, 3)
             within = "-" if t.stated is None else "yes" if t.agrees else "no"
-            low, high = (with_unit(t.value + w * t.half, t.unit, 3) for w in (-1.0, 1.0))
-            value = with_unit(t.value, t.unit, 3)
-            told = f"{value} ({low} to {high})" if math.isfinite(t.half) else f"{value} (not told)"
+            told = estimate(Estimate(t.value, t.value - t.half, t.value + t.half, t.unit))
             first = k == 0
             lines.append(
                 f"| {f'{a.of.title}; {a.of.of}' if first else ''} | {t.name} | {stated} | {told} |"
@@ -220,7 +220,7 @@ def main() -> int:
     )
     options.add_argument("recordings", type=Path, help="folder of the published files")
     options.add_argument("--only", choices=list(SETS), action="append", help="this set")
-    options.add_argument("--write", action="store_true", help="write docs/audit.md, too")
+    options.add_argument("--write", action="store_true", help="write the page, too")
     asked = options.parse_args()
     try:
         made = table([audit(SETS[name], asked.recordings) for name in asked.only or list(SETS)])

@@ -116,7 +116,7 @@ def by_zwidth() -> list[Engine]:
 
 
 def mujoco_model(steps: int, scale: float) -> Any:
-    """Return the bench for MuJoCo in so many steps a tick: a tendon whose spring has a dead band."""
+    """Return the bench for MuJoCo: play is a tendon whose spring has a dead band."""
     import mujoco
 
     friction = scale * LEVEL

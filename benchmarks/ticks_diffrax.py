@@ -1,7 +1,7 @@
 """The bench of `benchmarks.ticks` in diffrax, smoothed: run by an interpreter that has diffrax.
 
-Reads JSON, prints JSON: the least process time [s] of some rounds, the motion of m1, the creep. diffrax takes
-smooth fields alone, so a sign is a tanh, and the link's damper sets in over a width.
+Reads JSON, prints JSON: the least process time [s] of some rounds, the motion of m1, the creep.
+diffrax takes smooth fields alone, so a sign is a tanh, and the link's damper sets in over a width.
 """
 
 import json

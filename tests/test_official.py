@@ -54,7 +54,7 @@ def test_a_board_is_trained_judged_and_shown(tmp_path: Path, monkeypatch: pytest
     """Mutations that break it: the command's scale left out, or the window counted."""
     save_device(cart(), tmp_path / "cart.toml")
     bench = Bench("bench", "A bench", "-", tmp_path / "cart.toml", VOLT, ("mm", 1e3),
-                  {"test": 0.5}, {"test": "none"}, "-")  # fmt: skip
+                  {"test": "none"}, "-")  # fmt: skip
     seen: list[Any] = []
     monkeypatch.setattr(official, "scores", lambda *given: seen.append(given) or {"test": 1.0})
     result = official.result_of(bench, tmp_path)

@@ -11,6 +11,10 @@ from physics_examples import EVERYWHERE, example, phantom
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.seeking.magnitude import magnitude, strengthened
+from zwidth.diagnosis.seeking.places import open_places
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, RICHER_FORMS, contains, make_physics, richer_at
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.sizes import QUARTER, SMALLEST, Sizes
@@ -235,3 +239,19 @@ def test_links_are_held_by_their_springs():
     assert SIZES.held(Place("link", 1)) == 14.5 * 6e-4
     assert SIZES.held(Place("ground")) == SIZES.force
     assert replace(SIZES, masses=(1.0, 2.0)).mass == 3.0
+
+
+def test_a_constant_force_is_sought_where_a_spring_to_ground_bends() -> None:
+    """Beside a straight spring it is the origin of the position. Mutation: known of both alike."""
+    straight = Device(
+        "oscillator", "a test", False, make_chain([0.5], [0.8], ground_spring=200.0),
+        Interface(period=1e-3, delay=0.0),
+    )  # fmt: skip
+    bent = straight.with_physics(make_physics("cubic_stiffness", "ground", coefficient=1e4))
+
+    def sought(device: Device) -> set[str]:
+        return {f"{effect.name}@{place}" for effect, place in open_places(device)}
+
+    assert "constant_force@m1" not in sought(straight)
+    assert "constant_force@m1" in sought(bent)
+    assert "ground_spring@m1" not in sought(bent)

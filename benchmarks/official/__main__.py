@@ -43,7 +43,6 @@ class Result:
     elsewhere: list[float]
     seconds: float
     physics: str
-    verdict: str
     floor: tuple[float, Floats] | None
 
 
@@ -73,7 +72,7 @@ def result_of(board: Board, folder: Path) -> Result:
     seconds = time.process_time() - begun
     factor = board.shown[1]
     errors: dict[str, float] = {}
-    for name, test in zip(board.tests, tests, strict=True):
+    for name, test in zip(board.published, tests, strict=True):
         n = test.state_initialization_window_length
         model = board.predicted(answer, test.u, test.y[:n])
         errors[name] = factor * float(RMSE(test.y[n:], model[n:]))
@@ -83,39 +82,34 @@ def result_of(board: Board, folder: Path) -> Result:
         state, chance = floors(answer, board.scale * np.ravel(tests[0].u), n, STEP)
         floor = factor * state, factor * chance
     elsewhere = list(scores(board, answer, train, folder).values())
-    return Result(board, errors, elsewhere, seconds, physics, answer.verdict.value, floor)
+    return Result(board, errors, elsewhere, seconds, physics, floor)
 
 
 def table(results: list[Result]) -> str:
-    """Return the page's table and what predicts, as Markdown."""
+    """Return the page's table, and below it the floors, as Markdown."""
     lines = [
-        "| test | test RMSE | by `identibench` | asked | published | CPU s, training |",
+        "| test | RMSE | in `identibench` | what predicts | what others reach | CPU s |",
         "|---|---|---|---|---|---|",
     ]
     below: list[str] = []
     for r in results:
-        unit = r.board.unit
+        unit, others = r.board.unit, r.board.published
         for k, (name, error) in enumerate(r.errors.items()):
+            first = k == 0
+            what, spent = (r.physics, f"{r.seconds:.0f}") if first else ("the same", "")
             lines.append(
-                f"| {r.board.title}: {name} | **{error:.3g} {unit}** | {r.elsewhere[k]:.3g} {unit}"
-                f" | {r.board.tests[name]:.3g} {unit} | {r.board.published[name]} |"
-                f" {r.seconds:.0f} |"
-                if k == 0
-                else f"| {name} | **{error:.3g} {unit}** | {r.elsewhere[k]:.3g} {unit}"
-                f" | {r.board.tests[name]:.3g} {unit} | {r.board.published[name]} | |"
+                f"| {f'{r.board.title}: ' if first else ''}{name} | **{error:.3g} {unit}** |"
+                f" {r.elsewhere[k]:.3g} | {what} | {others[name]} | {spent} |"
             )
-        said = f"Verdict of the training data: `{r.verdict}`."
-        below.append(f"- {r.board.title}: {r.physics}. {said}")
         if r.floor is not None:
             state, chance = r.floor
             low, middle, high = np.quantile(chance, [0.05, 0.5, 0.95])
             below.append(
-                f"- Drift floor of {r.board.title}: the state from the first window costs"
-                f" {state:.2g} {unit}; forces of chance as the training data have them cost"
-                f" {middle:.2g} {unit} ({low:.2g} to {high:.2g} in 90 of 100 draws)."
+                f"Drift floor of {r.board.title}: {state:.2g} {unit} by the first window alone,"
+                f" {middle:.2g} {unit} ({low:.2g} to {high:.2g}) by forces of chance."
             )
     packages = ", ".join(f"`{p}` {version(p)}" for p in ("nonlinear_benchmarks", "identibench"))
-    return "\n".join([*lines, "", "What predicts:", "", *below, "", f"Packages: {packages}.", ""])
+    return "\n".join([*lines, "", *below, f"By {packages}.", ""])
 
 
 def main() -> int:

@@ -8,7 +8,7 @@ and the windows of the first state are those of the package and not a copy of th
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from zipfile import ZipFile
 
 import numpy as np
@@ -26,9 +26,8 @@ class Board:
     """A set of the board: its loader, and what it is a recording of.
 
     scale: SI units of the command in one of the file's. shown: the unit in which errors are shown,
-    and how many of the file's it is. tests: names of the test parts, each with the largest error
-    that was asked for. published: test part -> what others reach, in the shown unit, and by what.
-    identibench: name of its benchmark there.
+    and how many of it are one of the file's. published: test part -> what others reach, in the
+    shown unit, and by what; in the order of the tests. identibench: its benchmark there.
     """
 
     name: str
@@ -37,10 +36,9 @@ class Board:
     device: Path
     scale: float
     shown: tuple[str, float]
-    tests: dict[str, float]
     published: dict[str, str]
     identibench: str
-    settings: str = "quick"
+    effort: Literal["quick", "normal", "thorough"] = "quick"
 
     @property
     def unit(self) -> str:
@@ -60,7 +58,7 @@ class Board:
         return diagnose(
             {"t_s": t, "force_N": self.scale * np.ravel(train.u), "position_m": np.ravel(train.y)},
             self.device, time="t_s", command="force_N", position="position_m",
-            effort=self.settings, say=say,
+            effort=self.effort, say=say,
         )  # fmt: skip
 
     def predicted(self, answer: Diagnosis, u: Floats, first: Floats) -> Floats:
@@ -73,18 +71,17 @@ BOARDS = {
     for board in (
         Board(
             "emps", "EMPS, a positioning system", "EMPS", MACHINES / "emps" / "device.toml",
-            35.150652, ("mm", 1e3), {"pulses": 2.6},
-            {"pulses": "dynoNet 2.64, a search by language models 4.10, LSTM 74, RNN 89, GRU 220;"
-                       " textbook structure trained by gradients 76 to 80"},
+            35.150652, ("mm", 1e3),
+            {"pulses": "black boxes: dynoNet 2.64, an automated search 4.10, LSTM 74, RNN 89, GRU"
+                       " 220; textbook structure trained by gradients: 76 to 80"},
             "BenchmarkEMPS_Simulation",
         ),
         Board(
             "silverbox", "Silverbox, an electronic oscillator", "Silverbox",
             MACHINES / "silverbox" / "device.toml", 1.0, ("mV", 1e3),
-            {"multisine": 0.30, "arrow, full": 0.60, "arrow, no extrapolation": 0.35},
-            {"multisine": "best known 0.24 to 0.3; GRU 1.49",
-             "arrow, full": "best known 0.24 to 0.3; GRU 2.80",
-             "arrow, no extrapolation": "GRU 0.947"},
+            {"multisine": "black boxes: best 0.24 to 0.3, GRU 1.49",
+             "arrow, full": "black boxes: best 0.24 to 0.3, GRU 2.80",
+             "arrow, no extrapolation": "black boxes: GRU 0.947"},
             "BenchmarkSilverbox_Simulation",
         ),
     )

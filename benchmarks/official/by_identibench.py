@@ -1,7 +1,7 @@
 """The same answers in `identibench`: its data, its window, its metric, its runner."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ def scores(board: Board, answer: Diagnosis, trained_on: Any, folder: Path) -> di
 
 
 @contextmanager
-def _at_home(folder: Path) -> Iterator[None]:
+def _at_home(folder: Path) -> Generator[None]:
     """Let the loaders, which look under the user's home, find the files that are there already."""
     home = folder / "home"
     home.mkdir(exist_ok=True)
