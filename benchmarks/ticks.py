@@ -33,7 +33,7 @@ from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
-PERIOD, TICKS, HOLD, MEMBERS, ROUNDS = 1e-3, 2000, 10_000, 32, 5
+PERIOD, TICKS, HOLD, MEMBERS, ROUNDS = 1e-3, 2000, 10_000, 32, 9
 M1, M2, K, LEVEL, GAP = 2e-4, 1e-3, 20.0, 0.02, 0.02
 C = 0.0  # N m s/rad: a damper of a tendon acts inside its dead band too, one of a link does not
 SLOW, CORNER = 1e-2, 1e-4  # rad/s of the tanh that stands for a sign, rad of the play's edge
