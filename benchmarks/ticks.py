@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.noise.predictor import SEARCHING, substeps_of
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
@@ -37,7 +38,6 @@ PERIOD, TICKS, HOLD, MEMBERS, ROUNDS = 1e-3, 2000, 10_000, 32, 9
 M1, M2, K, LEVEL, GAP = 2e-4, 1e-3, 20.0, 0.02, 0.02
 C = 0.0  # N m s/rad: a damper of a tendon acts inside its dead band too, one of a link does not
 SLOW, CORNER = 1e-2, 1e-4  # rad/s of the tanh that stands for a sign, rad of the play's edge
-SUBSTEPS = (8, 16)  # a tick, and where a side of the play is met or friction turns
 FINE = 256
 OUT = Outputs(np.array([0]), np.array([False]), np.array([GROUND]), np.zeros(1))
 
@@ -88,7 +88,7 @@ def run_alone(device: Device, u: Floats, few: int, many: int) -> Floats:
 
 def by_zwidth() -> list[Engine]:
     """Return the lanes and the scalar kernel."""
-    few, many = SUBSTEPS
+    few, many = substeps_of(bench(), SEARCHING)  # as a search takes
     devices = [bench(float(s)) for s in scales()]
     population = Population(devices, few, many)
     still, u = np.zeros((MEMBERS, 2)), command()
