@@ -89,7 +89,7 @@ def test_a_diagnosis_stands_beside_what_was_measured(tmp_path: Path, on_path: di
     }  # fmt: skip
     trace = Trace(T, channels, dict.fromkeys(channels, "rad") | {"command": "N m"}, "recorded")
     log = tmp_path / "bench.diagnosis.mcap"
-    said = Annotation(0.5, 1.0, "warning", "mark_1", "missing: Coulomb friction")
+    said = Annotation(0.5, 1.0, "warning", "mark_1", "a hand", {"effect": "touch"})
     write_log(log, trace, annotations=[said])
     saved = tmp_path / "bench.rrd"
     line = ["rerun-importer-zwidth", str(log), "--application-id", "bench"]
@@ -99,7 +99,7 @@ def test_a_diagnosis_stands_beside_what_was_measured(tmp_path: Path, on_path: di
     assert np.array_equal(found["/position_m1/measured:scalars"], POSITION)
     assert np.array_equal(found["/position_m1/before_free:scalars"], 2.0 * POSITION)
     assert np.array_equal(found["/position_m1_residual/found:scalars"], 0.0 * T)
-    assert found["/annotations:text"] == ["mark_1: missing: Coulomb friction"]
+    assert found["/annotations:text"] == ["mark_1, 0.5 to 1 s: a hand (effect touch)"]
     assert found["/annotations:text at"] == [0.5]
     assert found["/annotations:level"] == ["WARN"]
 

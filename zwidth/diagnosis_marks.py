@@ -41,7 +41,9 @@ def _marks(found: Diagnosis, e: Experiment) -> Iterator[Mark]:
             severity = "error" if fault.wrong else "info"
             yield *always, severity, fault.sentence, {"fault": fault.kind}
     for finding in found.findings:
-        yield *always, "warning", _missing(found, finding), _details(finding)
+        # Short, as PlotJuggler keeps no text of more than 100 characters; sizes are details.
+        missing = f"missing: {effect_at(found, finding.effect, finding.at)}"
+        yield *always, "warning", missing, _details(finding)
     for change in found.changes:
         if change.recording in ("", e.name):
             yield *(change.between or always), "warning", change.sentence, {"change": change.shape}
@@ -57,14 +59,10 @@ def _marks(found: Diagnosis, e: Experiment) -> Iterator[Mark]:
     yield from _dense(found)
 
 
-def _missing(found: Diagnosis, finding: Finding) -> str:
-    sizes = [f"{k.replace('_', ' ')} {estimate(v)}" for k, v in finding.parameters.items()]
-    return f"missing: {', '.join([effect_at(found, finding.effect, finding.at), *sizes])}"
-
-
 def _details(finding: Finding) -> dict[str, str]:
     sigma = number(finding.separation_sigma)
-    return {"effect": finding.effect, "at": finding.at, "separation_sigma": sigma}
+    about = {"effect": finding.effect, "at": finding.at, "separation_sigma": sigma}
+    return about | {name: estimate(value) for name, value in finding.parameters.items()}
 
 
 def _dense(found: Diagnosis) -> Iterator[Mark]:

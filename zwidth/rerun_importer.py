@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from zwidth.door import taken
-from zwidth.logs.annotations import Severity, read_annotations
+from zwidth.logs.annotations import Annotation, Severity, read_annotations
 from zwidth.logs.errors import LogError
 from zwidth.logs.mcap_reader import Log, read_log
+from zwidth.sim.readable import number
 from zwidth.sim.trace import Trace
 
 NOT_OURS = 66
@@ -91,5 +92,12 @@ def send_annotations(rerun: Any, stream: Any, prefix: str, log: Log) -> None:
         stream.set_time("time", duration=one.start)
         stream.log(
             f"{prefix}/annotations",
-            rerun.TextLog(f"{one.name}: {one.text}", level=LEVELS[one.severity]),
+            rerun.TextLog(in_words(one), level=LEVELS[one.severity]),
         )
+
+
+def in_words(one: Annotation) -> str:
+    """Return an annotation as one line: its name, how long it lasts, what it says."""
+    about = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in one.details.items())
+    lasts = f"{one.name}, {number(one.start)} to {number(one.end)} s"
+    return f"{lasts}: {one.text}{f' ({about})' if about else ''}"
