@@ -33,7 +33,7 @@
     draw(run, `${run.quantity} [${run.unit}]`, 260, time,
       [{label: "measured", stroke: ink, width: 1}, ...lines],
       [measured, ...errors.map((e) => sum(measured, e))]);
-    draw(run, `error [${run.unit}]`, 170, time, lines, errors);
+    draw(run, `error [${run.unit}]`, 210, time, lines, errors);
   }
   addEventListener("resize", () => drawn.forEach((u) => u.setSize({width: wide(), height: u.height})));
 })();
