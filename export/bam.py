@@ -120,6 +120,8 @@ def _frictions(model: str, numbers: dict[str, float], left_out: list[str]) -> li
 
 def _read(path: Path) -> tuple[str, dict[str, float], str]:
     """Return model, numbers and actuator."""
+    if not path.is_file():
+        raise ValueError(f"{path} is no file; give a JSON of BAM's parameters")
     try:
         told = json.loads(reading(path).read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
