@@ -77,7 +77,7 @@ def actuator_of(device: Device, rises: bool) -> Actuator:
     if servo is not None:
         stiffness, damping = servo.values["stiffness"], servo.values["damping"]
         viscous += servo.values["back_emf"]
-        parts.append(make_physics("position_servo", "m1", **servo.values | {"back_emf": 0.0}))
+        parts.append(make_physics("position_servo", "m1", **{**servo.values, "back_emf": 0.0}))
         if (limited := loop.get("servo_limit")) is not None:
             limit = min(limit, limited.values["limit"])
             parts.append(make_physics("servo_limit", "m1", limit=limit))

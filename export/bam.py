@@ -251,9 +251,7 @@ def run_bam(text: str, commands: Floats, period: float) -> Floats:
 
     actuators[told["actuator"]] = lambda: Bare(SimpleNamespace, vin=1.0, kp=1.0)
     model = import_module("bam.model").load_model_from_dict(told)
-    model.actuator.testbench = SimpleNamespace(
-        compute_bias=lambda *_: 0.0, compute_mass=lambda *_: 0.0
-    )
+    model.actuator.testbench = SimpleNamespace(compute_bias=_nothing, compute_mass=_nothing)
     simulator = import_module("bam.simulate").Simulator(model)
     step, late = period / SUBSTEPS, told.get("command_delay", 0.0) / period
     found = np.empty(commands.size)
@@ -263,3 +261,7 @@ def run_bam(text: str, commands: Floats, period: float) -> Floats:
             at = math.floor(k + (i + 0.5) / SUBSTEPS - late)
             simulator.step(float(commands[at]) if at >= 0 else 0.0, True, step)
     return found
+
+
+def _nothing(_q: float, _dq: float) -> float:
+    return 0.0

@@ -166,9 +166,9 @@ def read_annotations(path: Path, epoch_ns: int) -> list[Annotation]:
 
 def _read(one: Any, epoch_ns: int) -> Annotation:
     told = {pair.key: pair.value for pair in one.metadata}
-    ends = ((t.ToNanoseconds() - epoch_ns) / 1e9 for t in (one.start_time, one.end_time))
-    own = (told.pop(key, "") for key in ("severity", "name", "text"))
-    return Annotation(*ends, *own, told)
+    start, end = ((t.ToNanoseconds() - epoch_ns) / 1e9 for t in (one.start_time, one.end_time))
+    severity, name, text = (told.pop(key, "") for key in ("severity", "name", "text"))
+    return Annotation(start, end, severity, name, text, told)
 
 
 def _check(annotations: Sequence[Annotation]) -> None:

@@ -23,7 +23,7 @@ EARLY = Annotation(0.125, 1.0, "info", "mark_1", "kept out of the fit")
 
 def written(folder: Path, *annotations: Annotation) -> Path:
     path = folder / "run.mcap"
-    t = 0.001 * np.arange(1001)
+    t = 0.001 * np.arange(1001, dtype=np.float64)
     trace = Trace(t, {"position_m1": np.sin(t)}, {"position_m1": "rad"}, "recorded")
     write_log(path, trace, epoch_ns=EPOCH, annotations=annotations)
     return path
@@ -40,8 +40,8 @@ def messages(path: Path) -> list[tuple[str, str, int, Any]]:
 def test_ranges_with_severity_and_text(tmp_path: Path):
     """Mutations: ends written for beginnings; levels of severities off by one."""
     found = messages(written(tmp_path, LATE, EARLY))
-    ranges = [(time, m) for topic, schema, time, m in found if schema == "foxglove.Event"]
-    texts = [(time, m) for topic, schema, time, m in found if schema == "foxglove.Log"]
+    ranges = [(time, m) for _, schema, time, m in found if schema == "foxglove.Event"]
+    texts = [(time, m) for _, schema, time, m in found if schema == "foxglove.Log"]
     assert [time - EPOCH for time, _ in ranges] == [125_000_000, 250_000_000]
     (first, second) = (m for _, m in ranges)
     assert first.start_time.ToNanoseconds() == EPOCH + 125_000_000

@@ -416,6 +416,7 @@ def test_fields_are_rows_in_words():
     fit = zwidth.nearest_passive(zwidth.load_device("phantom_1_0").chain)
     assert "masses " in fit._repr_html_()
     corner = zwidth.corner(zwidth.load_device("phantom_1_0"))
+    assert corner is not None
     assert "array(" not in corner._repr_html_()
 
 

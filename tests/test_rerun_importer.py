@@ -16,7 +16,7 @@ from zwidth.logs.mcap_writer import write_log
 from zwidth.sim.trace import Trace
 
 ROOT = Path(__file__).parents[1]
-T = 0.001 * np.arange(2000)
+T = 0.001 * np.arange(2000, dtype=np.float64)
 POSITION, COMMAND = 0.1 * np.sin(9.0 * T), 0.01 * np.cos(9.0 * T)
 LOG = """
 import sys, rerun

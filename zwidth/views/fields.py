@@ -45,7 +45,7 @@ def in_words(value: Any) -> str:
         case tuple() if hasattr(value, "_fields"):
             return _inside(cast("Any", value), list(cast("Any", value)._fields))
         case tuple() | list():
-            every = cast("list[Any]", list(cast("Any", value)))
+            every: list[Any] = list(cast("Any", value))
             more = f", ... {len(every) - MOST} more" if len(every) > MOST else ""
             return (", ".join(map(in_words, every[:MOST])) + more) or NONE
         case _ if is_dataclass(value) and not isinstance(value, type):
