@@ -15,7 +15,7 @@ from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.report_curves import MOST, curves_of, program
 
 LINES = {
-    "before": ("device file", "#888888", ":"),
+    "before": ("device file", "0.6", ":"),  # a grey of matplotlib
     "after": ('with </script> & "what" was found', "#004488", "-"),
 }
 N = 4000
@@ -40,6 +40,7 @@ def test_curves_are_the_run_in_a_unit_that_fits():
     assert (curve["unit"], curve["begins"], curve["period"]) == ("mrad", 2.0, 0.001)
     assert numbers(curve["measured"]) == pytest.approx(1e3 * MEASURED, abs=1e-6)
     before, after = curve["runs"]
+    assert before["colour"] == "#999999"
     assert numbers(after["error"]) == pytest.approx(np.full(N, 1e-6), rel=1e-3)
     assert np.isinf(numbers(before["error"])[3000:]).all()
 

@@ -31,6 +31,8 @@ def curves_of(runs: Sequence[WholeRun], lines: Lines) -> list[dict[str, Any]]:
 
 
 def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
+    from matplotlib.colors import to_hex  # "0.6" of matplotlib is no colour of a browser
+
     factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
     quantity, _, at = run.output.partition("_")
     measured = np.where(run.known, run.measured, np.nan)
@@ -43,7 +45,7 @@ def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
         "measured": _encoded(factor * measured[::every]),
         "runs": [
             {
-                "label": label, "colour": colour, "dashes": DASHES[dashes],
+                "label": label, "colour": to_hex(colour), "dashes": DASHES[dashes],
                 "error": _encoded(factor * (run.simulated[line] - measured)[::every]),
             }
             for line, (label, colour, dashes) in lines.items()
