@@ -28,7 +28,7 @@ COMMANDS = {
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
     "check": "Check whether a device file still describes its machine, for automatic builds.",
-    "report": "Find the report of a diagnosis, to look at or to send to somebody.",
+    "report": "Find the report of a diagnosis, and open it with --open.",
     "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
