@@ -1,4 +1,4 @@
-"""Make `docs/export.md`: what survives in which format, measured.
+"""Make `docs/reference/export.md`: what survives in which format, measured.
 
     python docs/make_export_page.py
 
@@ -31,7 +31,7 @@ from zwidth.sim.physics.free_law import table_values
 from zwidth.sim.physics.two_tables import two_tables_values
 from zwidth.sim.run import simulate
 
-PAGE = Path(__file__).parent / "export.md"
+PAGE = Path(__file__).parent / "reference" / "export.md"
 SECONDS, SHARE = 2.0, 0.1
 MAKERS: dict[str, Callable[[Device], Exported]] = {
     "c": lambda d: c_source(d, "dev"),
@@ -160,51 +160,7 @@ def page() -> str:
 
 
 TEXT = """\
-# Into other simulators
-
-    zwidth export mine.toml --to c --out mine.c
-    zwidth export mine.toml --to fmu --out mine.fmu
-
-What a format cannot hold of the device is printed, written at the head of the file (of an FMU
-in its documentation), and listed in `--json FILE`. Where the file can be run on this machine,
-its error is measured: device and export follow the same multisine, and the rms of their
-difference is given relative to the rms of the motion.
-
-- **C** is C99 without dependencies: `mine_reset(&state)`, `mine_read(&state)` and
-  `mine_step(&state, command)`, one sample each, for a controller's feed-forward or an observer.
-  It is the source of the simulation itself, so it holds every effect of the library, but not
-  one of your own. Compiled with `-O2 -ffp-contract=off` it gives the same bits as `zwidth
-  simulate`. A command that is smooth between its samples cannot be held, since a controller
-  does not know the next one.
-- **FMU** is an FMI 3.0 archive for co-simulation around the C export, with the same bits. Input
-  is `command`; outputs are `measured`, `drive` and position and velocity of every mass, with
-  units. Parameters of effects, gain, limit and steps may be set; masses, springs and dampers
-  are constants. States can be saved and restored. It needs fmpy (`pip install 'zwidth[fmu]'`).
-  Without a C compiler the archive has sources and no binary; `fmpy compile mine.fmu` adds one
-  elsewhere.
-- **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator
-  with gain, limit, delay and lag. Dry friction is a soft constraint there, under which a held
-  body creeps.
-- **URDF**: one body on a joint with damping, dry friction and an effort limit. Joints have no
-  springs, so a chain becomes one mass.
-- **SDF**: bodies in a row, each link a joint with spring and damper. What acts between a later
-  body and the ground is put at the first. Its error is computed by zwidth from what the file
-  says.
-
-MJCF, URDF and SDF hold no steps of encoder and amplifier. For a tool that reads Modelica, use
-the FMU.
-
-## Draws for training
-
-    zwidth export runs/mine.augmented.toml --to mjcf --out mine.xml --randomise 1000 --seed 1
-
-also writes `mine.draws.json`, for MJCF, URDF and SDF. Under `fields`, the names of the elements,
-as `joint/m1/frictionloss`, each with 1000 values: take the k-th of all fields together. Draws
-are joint: the `[posterior]` that a diagnosis writes into the device file has standard deviations
-and correlations of masses, friction and gains. Without it draws are independent, by
-`[uncertainty]`, and the command says so.
-
-## What survives where
+# What each format holds
 
 Every effect is added to one device, two masses on a belt, with a size of about a tenth of the
 command. Device and export follow the same command for [[seconds]] s; the table shows the rms of
@@ -214,21 +170,7 @@ device. *Exact*: the same bits. Made by `python docs/make_export_page.py`.
 [[table]]
 
 The belt is what URDF loses in every row. All five formats hold a device of one mass with a
-damper, dry friction and a limit within 1 %.
-
-## A joint of a model as a device
-
-    zwidth devices --from robot.urdf --joint shoulder --out shoulder.toml
-
-reads a hinge or slide of an MJCF or URDF model: the inertia of all that it moves, with the
-other joints in the model's zero pose, its armature, damping, dry friction and spring, and gain,
-limit and delay of its motor. What is left out, such as gravity, is printed. The shapes of a
-URDF are not needed. Set the sampling period in the file; a model has none.
-
-    zwidth diagnose run.toml --device shoulder.toml --known-torque robot.urdf --joint shoulder
-
-takes the torque of the rest of the robot on that joint, in the recorded postures, as known
-([recordings](recordings.md#a-force-that-is-known-and-the-rest-of-a-robot)).
+damper, dry friction and a limit within 1 %. Isaac Lab, Newton and BAM take one body, as URDF does.
 """
 
 

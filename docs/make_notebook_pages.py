@@ -63,6 +63,8 @@ def joined(outputs: list[Any]) -> list[Any]:
     """Return outputs with what was printed in one piece, as it may come in several."""
     found: list[Any] = []
     for output in outputs:
+        if "zwidth" in output.get("metadata", {}):  # what was being done (zwidth.api.notebook)
+            continue
         if found and output.output_type == found[-1].output_type == "stream":
             found[-1].text += output.text
         else:

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from zwidth.export.bam import has_bam, run_bam
 from zwidth.export.compiled import compiler, run_c
 from zwidth.export.fmu import Fmu, run_fmu
 from zwidth.export.model import Exported, Floats, command_for, free_run, loss
@@ -28,6 +29,12 @@ def cost_of(
         return Cost(None, "Not measured: there is no C compiler here; install one, or set CC.")
     if to in ("mjcf", "urdf") and engine() is None:
         return Cost(None, "Not measured: MuJoCo is not installed here; pip install mujoco.")
+    if to == "bam" and not has_bam():
+        return Cost(
+            None,
+            "Not measured: BAM is not installed here; pip install better-actuator-models, on Python"
+            " 3.12.",
+        )
     if isinstance(exported, Fmu) and isinstance(exported.binary, str):
         return Cost(
             None,
@@ -59,6 +66,8 @@ def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floa
             return run_mjcf(exported.text(), commands, period), "in MuJoCo"
         case "fmu":
             return run_fmu(exported.content(), commands), "driven by fmpy"
+        case "bam":
+            return run_bam(exported.text(), commands, period), "in BAM's own simulator"
         case "urdf":
             limit = exported.held.interface.command_limit
             return run_urdf(exported.text(), commands, period, limit), "in MuJoCo"

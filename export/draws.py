@@ -5,7 +5,11 @@ between draws with their values. Masses, springs, gain and limit are drawn by th
 in their fit; all others from a normal distribution, of which only physical values are kept.
 """
 
-from collections.abc import Callable, Sequence
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -22,7 +26,10 @@ from zwidth.sim.posterior import Posterior
 
 Floats = NDArray[np.float64]
 SCHEMA = 1
-FORMATS = ("mjcf", "urdf", "sdf")
+FORMATS = ("mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
+SUFFIXES = (".json", ".npz", ".csv")
+# "stiffness=2.0," of Python, "float newton:kp = 2.0" and "float3 x = (1.0, 2.0, 3.0)" of USD
+ASSIGNED = re.compile(r"^ *(?:\w+ )?([\w:]+) ?= ?\(?([-+.\de, ]+?)\)?,?$", re.MULTILINE)
 TRIES = 1000  # a draw, until physics allows one
 SOLVER = ("timestep", "solreffriction")  # of the simulator, not of the device
 
@@ -139,7 +146,13 @@ def _of_solver(key: str) -> bool:
 
 
 def fields_of(body: str) -> dict[str, float | list[float]]:
-    """Return the numbers of an XML model by the names of their elements: "joint/m1/damping"."""
+    """Return the numbers of a model by their names: "joint/m1/damping" of XML, "stiffness"."""
+    if body.startswith("{"):
+        told = json.loads(body)
+        return {key: value for key, value in told.items() if isinstance(value, float)}
+    if not body.startswith("<"):
+        every = {key: [float(x) for x in text.split(",")] for key, text in ASSIGNED.findall(body)}
+        return {key: row[0] if len(row) == 1 else row for key, row in every.items()}
     found: dict[str, float | list[float]] = {}
 
     def walk(element: Element, above: str) -> None:
@@ -157,3 +170,31 @@ def fields_of(body: str) -> dict[str, float | list[float]]:
 
     walk(ElementTree.fromstring(body), "")
     return found
+
+
+def columns_of(told: Mapping[str, Any]) -> dict[str, Floats]:
+    """Return draws as arrays by name, each (draws,) or (draws, k), of parameters and of fields."""
+    every = {**told["parameters"], **told["fields"]}
+    return {name: np.array(one["draws"], dtype=np.float64) for name, one in every.items()}
+
+
+def as_npz(told: Mapping[str, Any]) -> bytes:
+    """Return draws as an NPZ file: `columns_of`, without pickles."""
+    made = io.BytesIO()
+    np.savez(made, allow_pickle=False, **columns_of(told))
+    return made.getvalue()
+
+
+def as_csv(told: Mapping[str, Any]) -> str:
+    """Return draws as CSV, one a row; the k-th number of a field is called NAME[k]."""
+    columns: dict[str, list[float]] = {}
+    for name, values in columns_of(told).items():
+        if values.ndim == 1:
+            columns[name] = values.tolist()
+        else:
+            columns |= {f"{name}[{k}]": part.tolist() for k, part in enumerate(values.T)}
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return made.getvalue()

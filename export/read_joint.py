@@ -64,6 +64,10 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
     if mujoco is None:
         raise ValueError("reading a model needs MuJoCo, which is not installed; pip install mujoco")
     file = Path(path)
+    if not file.is_file():
+        raise ValueError(
+            f"model is {str(file)!r}, which is no file; give the MJCF or URDF file of the robot"
+        )
     try:
         model = _model(mujoco, file)
     except (ValueError, ElementTree.ParseError) as error:

@@ -27,6 +27,7 @@ from pathlib import Path
 from zwidth.logs.bag_folder import is_bag
 from zwidth.logs.opening import opened
 from zwidth.logs.recording_file import load_description
+from zwidth.shown import Valued
 
 TABLES = ("fleet.csv", "fleet.toml")
 FILE, DEVICE, DATE = ("recording", "file"), ("device", "unit"), ("date",)
@@ -40,7 +41,7 @@ ONLY = "the device"
 
 
 @dataclass(frozen=True)
-class Listed:
+class Listed(Valued):
     """A recording of a fleet. date: when it was made, None if unknown; known: values by column."""
 
     name: str

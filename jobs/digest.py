@@ -5,12 +5,13 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache, partial
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 LIBRARIES = ("numpy", "scipy", "numba")
-ROOT = Path(__file__).parents[2]
+PLACES = [Path(place) for place in import_module("zwidth").__path__]
 
 
 def code_digest(function: Callable[..., Any]) -> str:
@@ -52,6 +53,9 @@ def _sources(module: str) -> Iterator[bytes]:
                 waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
 
 
-def _files(module: str) -> tuple[Path, Path]:
-    path = ROOT.joinpath(*module.split("."))
-    return path.with_suffix(".py"), path / "__init__.py"
+def _files(module: str) -> list[Path]:
+    top, *rest = module.split(".")
+    paths = [place.joinpath(*rest) for place in PLACES]
+    if top != "zwidth":  # a test or a benchmark, beside the package
+        paths = [PLACES[0].parent.joinpath(top, *rest)]
+    return [file for path in paths for file in (path.with_suffix(".py"), path / "__init__.py")]

@@ -4,17 +4,23 @@ A folder holds metadata.yaml and one or more files, MCAP or SQLite3 (.db3), whic
 Of metadata.yaml only the names of these files are taken, and only files in the folder itself. In a
 SQLite3 file messages lie in CDR, as in MCAP; from ROS 2 Iron on it has the definitions of their
 types. For older ones the definitions of standard types come from `rosbags`.
+
+A bag may be compressed by zstd, each file as a whole, NAME.zstd, or each message by itself; of the
+latter metadata.yaml tells alone.
 """
 
 import re
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import BinaryIO
 
 import numpy as np
 from mcap.records import Channel, Message, Schema
+from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
 from zwidth.logs.foreign_mcap import Topic, open_topic, read_foreign_mcap, signals_of
 from zwidth.logs.opening import opened
@@ -24,7 +30,9 @@ METADATA, MARK = "metadata.yaml", "rosbag2_bagfile_information:"
 SQLITE = b"SQLite format 3\x00"
 LARGEST = 1 << 20  # bytes of metadata.yaml
 LISTED = re.compile(r"^\s*-\s*[\"']?(.+?)[\"']?\s*$")
-COMPRESSED = re.compile(r"^\s*compression_mode:\s*[\"']?(FILE|MESSAGE)\b", re.MULTILINE)
+MODE = re.compile(r"^\s*compression_(mode|format):\s*[\"']?(\w+)", re.MULTILINE)
+ZSTD = b"\x28\xb5\x2f\xfd"
+MOST_BYTES, MOST_OF_MESSAGE = 1 << 33, 1 << 28  # of a file, unpacked, and of a message
 
 
 def is_bag(path: Path) -> bool:
@@ -40,8 +48,8 @@ def is_bag(path: Path) -> bool:
 
 def read_bag(path: Path) -> Source:
     """Return the signals of a folder, its files joined; raises RecordingError, LogError."""
-    files = bag_files(path)
-    parts = [_part(file) for file in files]
+    files, unpack = bag_files(path), _unpacks_messages(path)
+    parts = [_part(file, unpack) for file in files]
     return replace(_joined(parts), path=path, kind=f"ROS 2 bag of {len(files)} file(s)")
 
 
@@ -49,13 +57,13 @@ def bag_files(path: Path) -> list[Path]:
     """Return the files of a folder in their order.
 
     Raises RecordingError where metadata.yaml names a file that is not there or lies elsewhere, none
-    at all, or says that they are compressed.
+    at all, or a compression that is not zstd.
     """
-    with opened(path / METADATA) as file:
-        text = file.read(LARGEST).decode("utf-8", "replace")
-    if (mode := COMPRESSED.search(text)) is not None:
+    text = _metadata(path)
+    kind = dict(MODE.findall(text)).get("format", "zstd").lower()
+    if kind != "zstd":
         raise RecordingError(
-            f"{path.name} is compressed by {mode[1].lower()}, which is not read; convert it with"
+            f"{path.name} is compressed by {kind}, which is not read; convert it with"
             " 'ros2 bag convert'"
         )
     _, _, rest = text.partition("relative_file_paths:")
@@ -76,8 +84,32 @@ def bag_files(path: Path) -> list[Path]:
     return [path / name for name in names]
 
 
-def read_sqlite(path: Path, data: bytes) -> Source:
-    """Return the signals of one SQLite3 file of a bag; raises RecordingError. data: not needed."""
+def _metadata(path: Path) -> str:
+    with opened(path / METADATA) as file:
+        return file.read(LARGEST).decode("utf-8", "replace")
+
+
+def _unpacks_messages(path: Path) -> Callable[[bytes], bytes] | None:
+    """Return what unpacks a message, None where messages are not compressed by themselves."""
+    mode = dict(MODE.findall(_metadata(path))).get("mode", "")
+    return _unpacked if mode.lower() == "message" else None
+
+
+def _unpacked(data: bytes) -> bytes:
+    """Return a message; raises ValueError for one that is damaged, or larger than messages are."""
+    try:
+        if frame_content_size(data) > MOST_OF_MESSAGE:
+            raise ValueError(f"a message unpacks to more than {MOST_OF_MESSAGE >> 20} MiB")
+        return ZstdDecompressor().decompress(data, max_output_size=MOST_OF_MESSAGE)
+    except ZstdError as error:
+        raise ValueError(str(error)) from None
+
+
+def read_sqlite(path: Path, data: bytes, unpack: Callable[[bytes], bytes] | None = None) -> Source:
+    """Return the signals of one SQLite3 file of a bag; raises RecordingError. data: not needed.
+
+    unpack: of messages that are compressed each by itself.
+    """
     del data
     topics: dict[int, Topic | str] = {}
     notes: list[str] = []
@@ -99,7 +131,8 @@ def read_sqlite(path: Path, data: bytes) -> Source:
             ):
                 topic = topics.get(int(number))
                 if isinstance(topic, Topic):
-                    topic.take(Message(int(number), int(stamp), bytes(body), int(stamp), 0))
+                    told = bytes(body) if unpack is None else unpack(bytes(body))
+                    topic.take(Message(int(number), int(stamp), told, int(stamp), 0))
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise RecordingError(f"{path.name} is no bag of ROS 2 that can be read: {error}") from None
     signals, aside, unreadable, said = signals_of(list(topics.values()))
@@ -139,13 +172,36 @@ def _standard(kind: str) -> str | None:
         return None
 
 
-def _part(file: Path) -> Source:
+def _part(file: Path, unpack: Callable[[bytes], bytes] | None) -> Source:
     with opened(file) as stream:
         start = stream.read(len(SQLITE))
         stream.seek(0)
+        if start.startswith(ZSTD):
+            with TemporaryDirectory(prefix="zwidth-bag-") as folder:
+                return _part(_whole(file, stream, Path(folder)), unpack)
         if start == SQLITE:
-            return read_sqlite(file, b"")
-        return read_foreign_mcap(file, stream)
+            return read_sqlite(file, b"", unpack)
+        return read_foreign_mcap(file, stream, unpack)
+
+
+def _whole(file: Path, stream: BinaryIO, folder: Path) -> Path:
+    """Unpack a file of a bag; raises RecordingError where it is damaged or too large."""
+    target, size = folder / file.name.removesuffix(".zstd"), 0
+    try:
+        with target.open("wb") as out:
+            for piece in ZstdDecompressor().read_to_iter(stream):
+                size += len(piece)
+                if size > MOST_BYTES:
+                    raise RecordingError(
+                        f"{file.name} unpacks to more than {MOST_BYTES >> 30} GiB; unpack it"
+                        " yourself and take a part of it"
+                    )
+                out.write(piece)
+    except ZstdError as error:
+        raise RecordingError(f"{file.name} cannot be unpacked: {error}") from None
+    if size == 0:
+        raise RecordingError(f"{file.name} cannot be unpacked: it is damaged or cut short")
+    return target
 
 
 def _joined(parts: Sequence[Source]) -> Source:

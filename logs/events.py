@@ -14,6 +14,7 @@ from mcap.records import Channel, Message, Schema
 from zwidth.logs.clock import to_log_time
 from zwidth.logs.errors import LogBlockError
 from zwidth.logs.schema import DOUBLE, EPOCH_KEY, EVENTS, MESSAGES, STRING, TIME_RESIDUAL, describe
+from zwidth.shown import fields_html
 
 FIELDS = {
     TIME_RESIDUAL: (1, DOUBLE),
@@ -30,6 +31,8 @@ class Event(NamedTuple):
     kind: str
     place: str
     value: float
+
+    _repr_html_ = fields_html
 
 
 class EncodedEvents(NamedTuple):

@@ -138,8 +138,13 @@ class Topic:
                 yield f"{self.name}.{name}", reason
 
 
-def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
-    """Return every number of every message that can be decoded; raises RecordingError."""
+def read_foreign_mcap(
+    path: Path, file: BinaryIO, unpack: Callable[[bytes], bytes] | None = None
+) -> Source:
+    """Return every number of every message that can be decoded; raises RecordingError.
+
+    unpack: of messages that are compressed each by itself; it raises ValueError.
+    """
     summary = read_summary(file)
     size = os.fstat(file.fileno()).st_size
     walk = Walk(file, size) if summary is None else Walk(file, summary.start, summary.landmarks)
@@ -157,6 +162,8 @@ def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
                     if part.id not in topics:
                         topics[part.id] = open_topic(part, schemas.get(part.schema_id))
                 elif isinstance(topic := topics.get(part.channel_id), Topic):
+                    if unpack is not None:
+                        part.data = unpack(part.data)
                     topic.take(part)
         except (McapError, UnicodeDecodeError, ValueError, OverflowError):
             inconsistent += 1

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
@@ -13,6 +13,7 @@ import numpy as np
 from mcap.records import Attachment
 
 from zwidth.files.protection import writing_as
+from zwidth.logs.annotations import Annotation, annotation_chunks, annotation_records
 from zwidth.logs.container import Container, Content, encode
 from zwidth.logs.errors import LogBlockError, LogWriteError
 from zwidth.logs.events import Event, encode_events, event_records
@@ -44,6 +45,7 @@ class LogWriter:
     `/substep` carry, in order. metadata: text about the run (version, seed, model hash, K, B).
     attachments: file name -> bytes (device.toml, scenario.toml, propagators.npy). epoch_ns: the log
     time of t = 0 in ns since 1970, by default now. facts: the trace's facts, kept as JSON.
+    annotations: what is said of stretches of time, for viewers.
 
     Every block reaches the operating system, as complete chunks, before append returns: after
     `kill -9` all blocks appended so far can be read. Until the log is closed it is called
@@ -70,6 +72,7 @@ class LogWriter:
         epoch_ns: int | None = None,
         origin: Origin = "simulated",
         facts: Mapping[str, object] | None = None,
+        annotations: Sequence[Annotation] = (),
         overwrite: bool = False,
     ) -> None:
         self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
@@ -77,8 +80,8 @@ class LogWriter:
             raise LogBlockError(
                 f"epoch_ns is {self.epoch_ns}; it must be ns since 1970, 0 to 2^63 - 1"
             )
-        described = {TICK: channels} | ({SUBSTEP: substep_channels} if substep_channels else {})
-        flat = [flat_schema(topic, u, self.epoch_ns, origin) for topic, u in described.items()]
+        units = {TICK: channels} | ({SUBSTEP: substep_channels} if substep_channels else {})
+        flat = [flat_schema(topic, u, self.epoch_ns, origin) for topic, u in units.items()]
         schemas = [schema_record(f, i) for i, f in enumerate(flat, start=1)]
         records = [channel_record(f, i) for i, f in enumerate(flat, start=1)]
         self._topics = {
@@ -88,18 +91,22 @@ class LogWriter:
         self._event_id = len(flat) + 1
         self._event_records = event_records(self._event_id, self.epoch_ns)
         self._event_count = 0
+        more = annotation_records(self._event_id + 1) if annotations else []
         about = _text(metadata or {})
         with writing_as("LogWriter", overwrite):
             self._sink = Sink(Path(path))
         self._container = Container(self._sink)
         self._closed = False
         with self._keeping_what_is_written():
-            event_schema, event_channel = self._event_records
-            self._container.open(_library(), [*schemas, event_schema], [*records, event_channel])
+            described = [*zip(schemas, records, strict=True), self._event_records, *more]
+            self._container.open(_library(), [s for s, _ in described], [c for _, c in described])
             self.note(about)
             self._add_facts(facts or {})
             for name, data in (attachments or {}).items():
                 self._attach(name, data)
+            if annotations:
+                for chunk in annotation_chunks(annotations, self._event_id + 1, self.epoch_ns):
+                    self._container.add_chunk(chunk)
 
     def _add_facts(self, facts: Mapping[str, object]) -> None:
         if facts:
@@ -211,6 +218,7 @@ def write_log(
     metadata: Mapping[str, str] | None = None,
     attachments: Mapping[str, bytes] | None = None,
     epoch_ns: int | None = None,
+    annotations: Sequence[Annotation] = (),
     overwrite: bool = False,
 ) -> None:
     """Write finished traces as one log; see `LogWriter` for the arguments and errors."""
@@ -225,6 +233,7 @@ def write_log(
             epoch_ns=epoch_ns,
             origin=tick.origin,
             facts=tick.facts,
+            annotations=annotations,
         ) as log,
     ):
         log.append(tick.t, tick.channels)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import fields_html
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -35,6 +36,8 @@ class Difference(NamedTuple):
             f"tick {self.tick} (t = {self.time:.9g} s), {self.topic} {self.channel}: logged"
             f" {logged}, replayed {replayed}"
         )
+
+    _repr_html_ = fields_html
 
 
 class Found(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from zwidth.shown import fields_html
 from zwidth.sim.chain import Chain, Floats, make_chain, negative_dampers
 from zwidth.sim.ladder import dynamic_stiffness, frequency_response, from_vector, to_vector
 
@@ -25,6 +26,8 @@ class PassiveFit(NamedTuple):
 
     chain: Chain
     distance: float
+
+    _repr_html_ = fields_html
 
 
 def nearest_passive(chain: Chain, band_hz: tuple[float, float] = BAND_HZ) -> PassiveFit:

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
 from zwidth.sim.fate import Conditions, Dither, Fate, dither_of, fates_of
@@ -88,7 +89,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Bracket:
+class Bracket(Valued):
     """The boundary at one damping: stable below, unstable above.
 
     stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,

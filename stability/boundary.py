@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device
 from zwidth.sim.loop import sampled_system
 from zwidth.stability.bisection import Bracket, Search, find_brackets
@@ -25,7 +25,7 @@ NEAR_END = 0.999  # of the last B with a stable K: where the boundary comes down
 
 
 @dataclass(frozen=True)
-class BoundaryPoint:
+class BoundaryPoint(Valued):
     """The boundary at one damping B by linear theory and by simulation, computed independently."""
 
     linear: LinearPoint

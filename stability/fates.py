@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.ensemble import walls
 from zwidth.sim.fate import Conditions, Dither, fates_of
 from zwidth.stability.judging import judge_each
@@ -14,7 +15,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Fates:
+class Fates(Valued):
     """Results at points (n,): fate, growth rate [1/s], amplitude [rad | m], force, frequency [Hz].
 
     amplitude, force [N m | N]: half the range of m1's position and of the command in the last

@@ -23,7 +23,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
 from zwidth.stability.bisection import Bracket, Search, find_brackets
@@ -79,7 +79,7 @@ SWEPT: dict[Setting, Swept] = {
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(Valued):
     """One value of the setting: the device with it, and the boundary over its dampings.
 
     linear, simulated (dampings,): K_CR [N m/rad | N/m], 0 where no K is stable; simulated is the

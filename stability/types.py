@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from zwidth.shown import Valued
+
 
 @dataclass(frozen=True)
-class LinearPoint:
+class LinearPoint(Valued):
     """The end of the stable stiffness that begins at K = 0, for one virtual damping B.
 
     damping B [N m s/rad | N s/m]. stiffness [N m/rad | N/m]: where the first eigenvalue leaves the
@@ -24,7 +26,7 @@ class LinearPoint:
 
 
 @dataclass(frozen=True)
-class Corner:
+class Corner(Valued):
     """The highest point of a boundary: B_t, K_max, and the frequency on either side of B_t.
 
     Where the two frequencies differ, two branches of eigenvalues meet there; where the boundary is
@@ -38,7 +40,7 @@ class Corner:
 
 
 @dataclass(frozen=True)
-class PassivePoint:
+class PassivePoint(Valued):
     """The largest passive stiffness at a virtual damping B, None where no K > 0 is passive.
 
     frequency_hz: where the criterion is met first; 0 for the limit of low frequency.

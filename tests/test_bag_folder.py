@@ -46,9 +46,16 @@ def arm() -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
     return found
 
 
-def write_bag(folder: Path, storage: str, part: slice = slice(None)) -> Path:
+def write_bag(
+    folder: Path, storage: str, part: slice = slice(None), compression: str = "NONE"
+) -> Path:
     """A robot's bag: its joints, an IMU, a camera and transforms."""
-    from rosbags.rosbag2 import StoragePlugin, Writer  # pyright: ignore[reportMissingImports]
+    from rosbags.rosbag2 import (  # pyright: ignore[reportMissingImports]
+        CompressionFormat,
+        CompressionMode,
+        StoragePlugin,
+        Writer,
+    )
     from rosbags.typesys import Stores, get_typestore  # pyright: ignore[reportMissingImports]
 
     types = get_typestore(Stores.ROS2_HUMBLE)
@@ -63,7 +70,9 @@ def write_bag(folder: Path, storage: str, part: slice = slice(None)) -> Path:
     def vector(*values: float) -> Any:
         return kinds["geometry_msgs/msg/Vector3"](*values)
 
-    with Writer(folder, version=9, storage_plugin=StoragePlugin[storage]) as writer:
+    to = Writer(folder, version=9, storage_plugin=StoragePlugin[storage])
+    to.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with to as writer:
         joints, imu, camera, text = (
             writer.add_connection(topic, kind, typestore=types)
             for topic, kind in (
@@ -177,15 +186,41 @@ def test_a_damaged_database_is_a_sentence(content: bytes, made: dict[str, Path],
         read_bag(folder)
 
 
-def test_a_compressed_bag_says_what_to_do(made: dict[str, Path], tmp_path: Path):
-    folder = Path(shutil.copytree(made["SQLITE3"], tmp_path / "bag"))
-    text = (folder / "metadata.yaml").read_text()
-    assert "compression_mode:" in text
-    lines = [line if "compression_mode" not in line else "  compression_mode: FILE"
-             for line in text.splitlines()]  # fmt: skip
-    (folder / "metadata.yaml").write_text("\n".join(lines))
-    with pytest.raises(RecordingError, match="ros2 bag convert"):
+@pytest.mark.parametrize(("storage", "mode"), [
+    ("SQLITE3", "FILE"), ("SQLITE3", "MESSAGE"), ("MCAP", "FILE"), ("MCAP", "MESSAGE"),
+    ("MCAP", "STORAGE"),
+])  # fmt: skip
+def test_a_compressed_bag_is_read(storage: str, mode: str, tmp_path: Path):
+    """Files, messages, and MCAP's own chunks. Mutation: messages decoded as they lie there."""
+    part = slice(0, 300)
+    folder = write_bag(tmp_path / "bag", storage, part, mode)
+    found = own_log(folder)
+    assert isinstance(found, Source)
+    position = found["/joint_states.elbow.position"].values
+    assert np.array_equal(position, arm()["position"][part, 1])
+    assert [file.name for file in tmp_path.iterdir()] == ["bag"]  # nothing is left there
+
+
+def test_what_cannot_be_unpacked_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Mutation: any of the limits."""
+    folder = write_bag(tmp_path / "bag", "SQLITE3", slice(0, 300), "FILE")
+    (file,) = folder.glob("*.zstd")
+    with monkeypatch.context() as patch:
+        patch.setattr("zwidth.logs.bag_folder.MOST_BYTES", 1000)
+        with pytest.raises(RecordingError, match="unpacks to more than 0 GiB"):
+            read_bag(folder)
+    file.write_bytes(file.read_bytes()[:5000] + b"x" * 100)
+    with pytest.raises(RecordingError, match=r"db3\.zstd cannot be unpacked"):
         read_bag(folder)
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text().replace("compression_format: zstd", "compression_format: lz4")
+    metadata.write_text(text)
+    with pytest.raises(RecordingError, match="compressed by lz4, which is not read"):
+        read_bag(folder)
+    small = write_bag(tmp_path / "messages", "SQLITE3", slice(0, 300), "MESSAGE")
+    monkeypatch.setattr("zwidth.logs.bag_folder.MOST_OF_MESSAGE", 10)
+    with pytest.raises(RecordingError, match="a message unpacks to more than 0 MiB"):
+        read_bag(small)
 
 
 @pytest.mark.parametrize("storage", STORAGES)

@@ -221,6 +221,7 @@ def test_the_exit_status_the_json_and_the_junit_file_say_the_same(
         ("phantom_1_0 good.csv", "period is 0.002 s, the device's 0.001 s"),
         ("bench.toml none.csv", "none.csv does not exist"),
         ("bench.toml good.csv --model x.xml", "--model needs --joint NAME"),
+        ("bench.toml good.csv --model no.xml --joint a", "model is 'no.xml', which is no file"),
         ("bare.toml good.csv", "has no [band], which gives the allowed error"),
     ],
 )

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 import zwidth.diagnose_files
 from tests.diagnosis_examples import record
@@ -106,7 +108,43 @@ def test_diagnose_from_file_to_report(
     residual, recording = read_log(result["logs"][0]), load_log("swing.toml")
     assert residual.epoch_ns == recording.epoch_ns
     assert residual.tick.t == pytest.approx(recording.tick.t)
+    _what_a_viewer_shows(Path(result["logs"][0]), result)
     _what_else_it_may_say(kept[0], monkeypatch, capsys)
+
+
+def _what_a_viewer_shows(log: Path, result: dict[str, Any]) -> None:
+    """Measured, before and after on one clock, and what was found over the stretch that it is of.
+
+    Mutations that break it: the refitted device in place of the device file's; held-out data marked
+    from the recording's first sample.
+    """
+    tick, period = read_log(log).tick, 0.001
+    free = {word: tick[f"{word}_free_position_m1"] for word in ("before", "refit", "found")}
+    off = {word: np.nanstd(run - tick["position_m1"]) for word, run in free.items()}
+    assert off["found"] < 0.5 * off["refit"] < 0.5 * off["before"]
+    with log.open("rb") as file:
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages
+        messages = [(c.topic, m) for _, c, _, m in decoded(["/annotations", "/annotations_text"])]
+    told = {m.name: m for topic, m in messages if topic == "/annotations_text"}
+    texts = {name: m.message for name, m in told.items()}
+    assert texts["mark_1"] == result["headline"]
+    (friction,) = (n for n, t in texts.items() if t.startswith("missing: Coulomb friction at the"))
+    assert told[friction].level == 3  # a warning
+    assert np.all(tick[friction] == 3.0)
+    (judges,) = (n for n, t in texts.items() if "judges it" in t)
+    lasts = tick.t[tick[judges] > 0.0]
+    assert lasts[0] == pytest.approx(0.7 * tick.t[-1], abs=0.02)
+    assert lasts[-1] == tick.t[-1]
+    for topic, m in messages:
+        if topic == "/annotations":
+            about = {pair.key: pair.value for pair in m.metadata}
+            inside = tick.t[tick[about["name"]] > 0.0]
+            ends = [m.start_time.ToNanoseconds(), m.end_time.ToNanoseconds()]
+            clock = read_log(log).epoch_ns
+            assert [(end - clock) / 1e9 for end in ends] == pytest.approx(
+                [inside[0], inside[-1]], abs=period
+            )
+            assert about["text"] == texts[about["name"]]
 
 
 def _keeping(kept: list[Diagnosis]) -> Any:

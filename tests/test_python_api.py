@@ -392,6 +392,34 @@ def test_a_result_is_a_table_in_a_notebook(results: dict[str, Any], name: str):
     assert len(parser.rows) > 1 or name == "ReplayResult"
 
 
+VALUES = ("BoundaryPoint", "Bracket", "Corner", "Difference", "Estimate", "Event", "Fates",
+          "Finding", "LinearPoint", "Listed", "PassiveFit", "Rival", "Step")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_what_results_are_made_of_is_a_table_too(name: str):
+    """Mutation: a value that a notebook shows as one line of all its numbers."""
+    assert callable(getattr(zwidth, name)._repr_html_)
+
+
+def test_fields_are_rows_in_words():
+    """Mutations: an interval as three numbers; a device whole; a name as it is."""
+    level = zwidth.Estimate(0.02, 0.019, 0.021, "N m")
+    rival = zwidth.Rival("<b>", "m1", 3.0)
+    html = zwidth.Finding("coulomb_friction", "m1", {"level": level}, 51.0, (rival,))._repr_html_()
+    rows = re.findall(r"<tr><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td></tr>", html)
+    found = dict(rows)
+    assert found["parameters"] == "level: 20.0 mN m (19.0 to 21.0)"
+    assert found["separation sigma"] == "51"
+    assert found["rivals"] == "effect &lt;b&gt;, at m1, separation sigma 3"
+    assert found["probability"] == "-"
+    fit = zwidth.nearest_passive(zwidth.load_device("phantom_1_0").chain)
+    assert "masses " in fit._repr_html_()
+    corner = zwidth.corner(zwidth.load_device("phantom_1_0"))
+    assert corner is not None
+    assert "array(" not in corner._repr_html_()
+
+
 def test_a_table_escapes_what_a_name_holds():
     """Mutation: a title or a cell that goes into the page as it is."""
     t = np.arange(3.0)

@@ -57,6 +57,27 @@ def test_the_wheel_of_the_source_distribution_is_that_of_the_tree(built: dict[st
     assert len(contents["tree"]) == len(set(contents["tree"]))
 
 
+LINKLESS = """
+import zwidth
+from zwidth.jobs.digest import code_digest, _sources
+device = zwidth.load_device("phantom_1_0")
+import zwidth.diagnosis.diagnose, zwidth.export.mjcf, zwidth.views.fields
+print(len(list(_sources("zwidth.stability.boundary"))) > 50, zwidth.sim.__file__)
+"""
+
+
+def test_a_clone_without_links_works(tmp_path: Path) -> None:
+    """As Windows makes one: text files for links. Mutation: the folder above not looked into."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a clone")
+    clone = tmp_path / "clone"
+    checked("git", "clone", "-q", "-c", "core.symlinks=false", ROOT, clone, cwd=tmp_path)
+    assert (clone / "zwidth" / "sim").read_text() == "../sim"
+    source = f"import sys; sys.path.insert(0, {str(clone)!r})\n{LINKLESS}"
+    said = checked(sys.executable, "-P", "-c", source, cwd=tmp_path).split()
+    assert said == ["True", str(clone / "sim" / "__init__.py")]
+
+
 @pytest.mark.truth
 def test_a_users_own_sim_and_logs_are_in_nobodys_way(
     built: dict[str, Path], tmp_path: Path

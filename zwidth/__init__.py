@@ -49,10 +49,15 @@ help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/py
 # 2 000 lines of methods, and without it only the overview above, the answer to help(zwidth).
 
 from importlib import import_module as _import_module
+from pathlib import Path as _Path
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from zwidth.shown import shown_by as _shown_by
+_package = _Path(__file__).parent
+if not (_package / "sim").is_dir():  # a clone without symbolic links, as Windows makes one
+    __path__.append(str(_package.parent))  # the folders are beside this package
+
+from zwidth.shown import shown_by as _shown_by  # noqa: E402
 
 if _TYPE_CHECKING:
     from zwidth.api.boundary import boundary as boundary

@@ -28,6 +28,7 @@ COMMANDS = {
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
     "check": "Check whether a device file still describes its machine, for automatic builds.",
+    "report": "Find the report of a diagnosis, and open it with --open.",
     "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
@@ -58,6 +59,7 @@ COMMANDS = {
 EXAMPLES = {
     "diagnose": "zwidth diagnose docs/sample/bench.csv",
     "check": "zwidth check runs/bench.augmented.toml docs/sample/bench.csv",
+    "report": "zwidth report docs/sample/bench.csv",
     "watch": "zwidth watch docs/sample/bench.csv --idle 5",
     "convert": "zwidth convert docs/sample/bench.csv",
     "plan": "zwidth plan phantom_1_0 --noise 1e-5 --excitation chirp --seconds 10",

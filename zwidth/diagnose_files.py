@@ -13,6 +13,7 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console, announce
+from zwidth.diagnosis.answer.held_out import models_of
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.answer.words import negligible_in_words, worth_in_words
@@ -21,6 +22,7 @@ from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis_marks import marks_of
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
@@ -183,7 +185,7 @@ def _answer(
     console.keep(_result(asked, found, files, None, mishaps))
     bounds: AugmentedBoundary | None = None
     try:
-        files.logs = _logs(found, [(asked.read[path], log) for path, log in logs])
+        files.logs = _logs(asked, found, [(asked.read[path], log) for path, log in logs])
         with isolated("next experiment"):
             from zwidth.planning.separating import separating  # not needed where nothing is found
 
@@ -225,13 +227,13 @@ def _log_files(out: Path, paths: Sequence[Path]) -> list[tuple[Path, Path]]:
     return list(zip(paths, logs, strict=True))
 
 
-def _logs(found: Diagnosis, files: Sequence[tuple[Path, Path]]) -> list[Path]:
+def _logs(asked: Asked, found: Diagnosis, files: Sequence[tuple[Path, Path]]) -> list[Path]:
     """Write a log for every stretch that was diagnosed. files: of all stretches."""
     kept = [pair for k, pair in enumerate(files) if k not in found.left_out]
     written: list[Path] = []
     for e, (recording, path) in zip(found.experiments, kept, strict=True):
         with isolated("log", recording.name):
-            _log(found, e, recording, path)
+            _log(asked.device, found, e, recording, path)
             written.append(path)
     return written
 
@@ -345,17 +347,19 @@ def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
     return bounds
 
 
-def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
+def _log(device: Device, found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
     """Write what belongs to a recording, in its own time: a viewer shows both side by side."""
     log = load_log(recording)
     shares = found.located.entry or [{"name": "m1", "share": 1.0}]
     place = max(shares, key=lambda share: float(share["share"]))["name"]
-    searched = found.searched
+    searched, first = found.searched, float(log.tick.t[0])
+    marks = marks_of(found, e, first)
     trace = diagnosis_trace(
         searched.problem, searched.refit, searched.final, e, place=str(place),
-        start_s=float(log.tick.t[0]) + e.begins, rotary=found.device.rotary,
+        start_s=first + e.begins, rotary=found.device.rotary,
+        before=models_of(device, searched)["before"], marks=marks,
     )  # fmt: skip
-    write_log(path, trace, epoch_ns=log.epoch_ns)
+    write_log(path, trace, epoch_ns=log.epoch_ns, annotations=marks)
 
 
 def _traces(

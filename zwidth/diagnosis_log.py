@@ -1,6 +1,6 @@
-"""A diagnosis as a trace in the recording's own time: residuals, missing force, predictions."""
+"""A diagnosis as a trace in the recording's own time: predictions, residuals, force, marks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.friction_curve import missing_force
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import (
     free_run_errors,
     free_run_starts,
@@ -17,6 +18,7 @@ from zwidth.diagnosis.noise.predictor import (
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.logs.annotations import LEVELS, Annotation
 from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace
 
@@ -43,25 +45,29 @@ def diagnosis_trace(
     place: str = "m1",
     start_s: float = 0.0,
     rotary: bool = True,
+    before: tuple[Model, Floats] | None = None,
+    marks: Sequence[Annotation] = (),
     facts: Mapping[str, object] = MappingProxyType({}),
 ) -> Trace:
     """Return the trace of one recording, whole; `logs.write_log` writes it as an MCAP.
 
-    refit: without what was found, final: with it. place: where the missing force is sought, a mass
-    ("m2") or a link ("link12"); a force in command or sensor counts as one at m1. start_s: time of
-    the first sample. Channels: `command`, `missing_force_PLACE`, and for every output `NAME` as it
-    was taken, `refit_NAME` and `found_NAME` predicted one step ahead, `refit_free_NAME` and
-    `found_free_NAME` as free runs, `refit_residual_NAME`, `found_residual_NAME`.
+    refit: without what was found, final: with it; before: model and x of the device file. place:
+    where the missing force is sought, a mass ("m2") or a link ("link12"); a force in command or
+    sensor counts as one at m1. start_s: time of the first sample. marks: what is said of stretches
+    of time. Channels: `command`, `missing_force_PLACE`; for every output `NAME` as it was taken
+    and, with `before_`, `refit_` and `found_` each, `found_NAME` predicted one step ahead,
+    `found_free_NAME` as free runs and `found_residual_NAME`; for every mark its severity while it
+    lasts (2 info, 3 warning, 4 error) and zero elsewhere.
     """
     force, length = ("N m", "rad") if rotary else ("N", "m")
     entry = place if place_at(place).kind in ("mass", "link") else "m1"
     channels: dict[str, Floats] = {"command": experiment.command}
     channels[f"missing_force_{entry}"] = missing_force(problem, refit, experiment, entry)
     units = dict.fromkeys(channels, force)
-    each = {
-        word: _explained(problem, fitted, experiment)
-        for word, fitted in (("refit", refit), ("found", final))
-    }
+    models = {"refit": (refit.model, refit.x), "found": (final.model, final.x)}
+    if before is not None:
+        models = {"before": before} | models
+    each = {word: _explained(problem, *model, experiment) for word, model in models.items()}
     for o, output in enumerate(experiment.outputs):
         unit = length if output.quantity == "position" else f"{length}/s"
         name, measured = output.name, experiment.measured[:, o]
@@ -72,12 +78,16 @@ def diagnosis_trace(
             channels[f"{word}_residual_{name}"] = explained.innovation[:, o]
         units |= {key: unit for key in channels if key not in units}
     t = start_s + experiment.period * np.arange(experiment.ticks, dtype=np.float64)
+    for mark in marks:
+        lasts = (t >= mark.start) & (t <= mark.end)
+        channels[mark.name] = np.where(lasts, float(LEVELS[mark.severity]), 0.0)
+        units[mark.name] = ""
     return Trace(t, channels, units, "recorded", MappingProxyType(dict(facts)))
 
 
-def _explained(problem: Problem, fitted: Fitted, experiment: Experiment) -> Explained:
-    gain, device = problem.observer.gain, fitted.model.acting(fitted.x)
-    seen = fitted.model.seen(experiment, fitted.x)
+def _explained(problem: Problem, model: Model, x: Floats, experiment: Experiment) -> Explained:
+    gain, device = problem.observer.gain, model.acting(x)
+    seen = model.seen(experiment, x)
     with np.errstate(all="ignore"):
         ahead = innovations(device, seen, gain)
         runs, _ = free_run_errors(device, seen, gain, window(seen))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.result import (
@@ -30,6 +30,7 @@ from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.diagnosis_summary import SHORT, how_sure, missing, title, what_now, with_law, worth
 from zwidth.files.whole import write_text
+from zwidth.report_curves import curves_of, program
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
@@ -90,8 +91,11 @@ def save_report(
     ones are added. A picture that fails is left out and named.
     """
     top = max(diagnosis.located.maps, key=lambda m: m.gained, default=None)
+    curves: list[dict[str, Any]] = []
     with collecting(silent) as mishaps:
         pictures = _pictures(diagnosis, boundary, {} if drawn is None else drawn)
+        with isolated("curves"):
+            curves = _curves(diagnosis)
         errors = list(dict.fromkeys((*diagnosis.errors, *mishaps.found)))
     states = diagnosis.located.state if densest(diagnosis.located.state) else []
     text = page(
@@ -129,6 +133,8 @@ def save_report(
         boundary=boundary,
         errors=errors,
         pictures=pictures,
+        curves=curves,
+        program=program(),
         place="" if top is None else place_in_words(place_at(top.place), masses_of(diagnosis)),
         state=sorted(states, key=lambda s: -float(s["share"])),
         fits=(("one sample ahead", diagnosis.one_step), ("short free runs", diagnosis.free_run)),
@@ -201,6 +207,14 @@ def _pictures(
             with isolated("picture", name):
                 drawn[name] = embedded(picture_bytes(figure()))
     return {name: drawn.get(name, "") for name in dict.fromkeys((*PICTURES, *draw))}
+
+
+def _curves(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Free runs over whole stretches as data that a reader can zoom."""
+    from zwidth.figures.diagnosis import run_lines
+
+    runs = diagnosis.whole_runs
+    return curves_of(runs, run_lines(bool(diagnosis.findings), runs[0])) if runs else []
 
 
 def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:

@@ -37,6 +37,10 @@ class Views(Protocol):
         """Return that table with its axes as columns, of pandas or polars."""
         ...
 
+    def fields(self, value: Any) -> str:
+        """Return the fields of a value as a table for a notebook."""
+        ...
+
     def figure(self, result: Any, picture: str | None) -> "Figure":
         """Return a picture by its name, or the first one."""
         ...
@@ -52,6 +56,20 @@ def shown_by(package: str) -> None:
 
 def _views() -> Views:
     return cast("Views", import_module(*_home))
+
+
+def fields_html(value: Any) -> str:
+    """Return the fields of a value as a table for a notebook: `_repr_html_` of a named tuple."""
+    return _views().fields(value)
+
+
+class Valued:
+    """A value of a few fields, as results are made of: a table of them in a notebook."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        return fields_html(self)
 
 
 class Shown:

@@ -17,7 +17,7 @@ from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.settings import VERDICT
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
 from zwidth.sim.place import place_at
@@ -47,7 +47,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Valued):
     """A value with its 95 % interval."""
 
     value: float
@@ -61,7 +61,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Rival:
+class Rival(Valued):
     """A rival effect: how many sigma worse it explains the recording."""
 
     effect: str
@@ -71,7 +71,7 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Held:
+class Held(Valued):
     """How well an effect does in a regime that was not fitted (`answer.regimes`).
 
     other: where the fit was made. sigma: of the comparison with a model without it; fails: whether
@@ -85,7 +85,7 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Valued):
     """One effect that was found.
 
     separation_sigma: how much better the best model with it is than the best without it. rivals:
@@ -141,7 +141,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOut(Valued):
     """rms error over rms of the signal on data not fitted to; noise_floor: the unavoidable part."""
 
     before: float

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.api.given import AnyDevice, device_of
+from zwidth.api.notebook import shares, telling
 from zwidth.stability.bisection import Search
 from zwidth.stability.boundary import Boundary, default_dampings, find_boundaries
 from zwidth.stability.judging import Trial, usual_trial
@@ -23,7 +24,7 @@ def boundary(
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     by default from 0 to 1.2 times the last with a stable wall, in 41 steps. trial, search: how a
     wall is judged (by default as `zwidth boundary` does it), and how finely K is searched. progress
-    is called with the share done.
+    is called with the share done; without it, a notebook shows that.
 
     By linear theory and by simulation, at the device's own delay:
     `device.with_interface(delay=0.004)` is the same device with another. Raises ValueError with a
@@ -34,4 +35,8 @@ def boundary(
     if grid.ndim != 1 or grid.size == 0:
         raise ValueError(f"dampings have shape {grid.shape}; give one row of at least one value")
     trial = usual_trial(device) if trial is None else trial
-    return find_boundaries([device], [grid], trial, search or Search(), progress)[0]
+    with telling(None, "finding the boundary") as tell:
+        found = find_boundaries(
+            [device], [grid], trial, search or Search(), progress or shares(tell)
+        )
+    return found[0]

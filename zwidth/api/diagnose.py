@@ -1,7 +1,7 @@
 """Why recordings differ from the simulation of a device."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -13,10 +13,10 @@ from zwidth.api.given import (
     experiments_of,
     named_traces,
 )
+from zwidth.api.notebook import Say, telling
 from zwidth.diagnosis import diagnose as pipeline
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
-from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.door import FITTED, fitted
 from zwidth.logs.recording import unscaled
@@ -37,7 +37,7 @@ def diagnose(
     position: str | None = None,
     velocity: str | None = None,
     joint: str | None = None,
-    say: Callable[[str], None] | None = None,
+    say: Say | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
@@ -54,7 +54,8 @@ def diagnose(
     effort: how much is tried.
     known_torque: the model of a robot (MJCF or URDF), and the name of the joint that is diagnosed.
     MuJoCo then computes the torque of the robot's arms on that joint in the recorded posture.
-    say: called with what is being done, `print` for instance; a diagnosis may take minutes.
+    say: called with what is being done, `print` for instance; a diagnosis may take minutes. Without
+    it, a notebook shows one line of that.
 
     If a command is in A or V, or a position in counts, and no scale is known, the answer is in
     these units and says so. It contains the improved device: `save_device(answer.device,
@@ -77,19 +78,20 @@ def diagnose(
 
     own = unscaled([trace for _, trace in traces])
 
-    def answer(known: Device) -> Diagnosis:
+    def answer(known: Device, say: Say) -> Diagnosis:
         fit_on = experiments_of(traces, known, known_torque)
         judge_by = experiments_of(judged_by, known, known_torque) if judged_by else None
         with (
             warnings.catch_warnings(action="ignore", category=RuntimeWarning),  # numpy's, on 1e300
             counted_in(*own),
         ):
-            found = pipeline.diagnose(known, fit_on, judge_by, say or silent, EFFORTS[effort])
+            found = pipeline.diagnose(known, fit_on, judge_by, say, EFFORTS[effort])
             return in_own_units(found)
 
-    if device is not None:
-        return answer(device_of(device))
-    found = answer(fitted(traces)[0])
-    if found.verdict is Verdict.LINEAR_PARAMETERS and not found.interrupted:
-        found = answer(replace(found.device, uncertainty=FITTED))  # as the command does
-    return found
+    with telling(say, "diagnosing") as tell:
+        if device is not None:
+            return answer(device_of(device), tell)
+        found = answer(fitted(traces)[0], tell)
+        if found.verdict is Verdict.LINEAR_PARAMETERS and not found.interrupted:
+            found = answer(replace(found.device, uncertainty=FITTED), tell)  # as the command does
+        return found

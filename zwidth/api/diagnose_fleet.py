@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from zwidth.api.given import AnyDevice, device_of
-from zwidth.diagnosis.mishaps import silent
+from zwidth.api.notebook import telling
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.files.protection import writing_as
 from zwidth.fleet import diagnosed
@@ -49,7 +49,8 @@ def diagnose_fleet(
         stack.enter_context(writing_as("diagnose_fleet"))
         stack.enter_context(warnings.catch_warnings(action="ignore", category=RuntimeWarning))
         folder = stack.enter_context(TemporaryDirectory()) if work is None else work
-        return diagnosed.diagnose_fleet(known, every, Path(folder), runner, effort, say or silent)
+        tell = stack.enter_context(telling(say, "diagnosing the fleet"))
+        return diagnosed.diagnose_fleet(known, every, Path(folder), runner, effort, tell)
 
 
 def _listed(given: AnyFleet) -> list[Listed]:

@@ -45,7 +45,8 @@ TURN = 2.0 * math.pi
     help="Print a device file to start from, with this many masses and every key explained.",
 )  # fmt: skip
 @click.option("--from", "model", metavar="FILE", type=click.Path(path_type=Path),
-              help="Describe a joint of an MJCF or URDF model as a device.")  # fmt: skip
+              help="Describe a joint of an MJCF or URDF model as a device, or a servo of BAM (JSON,"
+              " without --joint).")  # fmt: skip
 @click.option("--joint", metavar="NAME", help="The joint of that model.")
 @force_option
 @json_option
@@ -63,20 +64,21 @@ def command(
     DEVICE is the name of one of them or a device file.
     """
     console = Console(json_file)
-    if (model is None) != (joint is None):
-        raise click.UsageError("--from and --joint go together; give the model and its joint")
+    servo = model is not None and model.suffix.lower() == ".json"
+    if (model is None or servo) != (joint is None):
+        raise click.UsageError(
+            "--from and --joint go together, but for a JSON of BAM; give the model and its joint"
+        )
     if template is not None:
         if device is not None or passive or model is not None:
             raise click.UsageError(
                 "--template needs no device; leave out DEVICE, --passive and --from"
             )
         _template(console, template, save)
-    elif model is not None and joint is not None:
+    elif model is not None:
         if device is not None:
             raise click.UsageError("--from is the device; leave DEVICE out")
-        from zwidth.export.read_joint import device_of_joint
-
-        found, left_out = device_of_joint(model, joint)
+        found, left_out = _read_model(model, joint)
         for what in left_out:
             console.note(f"left out: {what}")
         _describe(console, found, passive, save, {"left_out": left_out})
@@ -86,6 +88,17 @@ def command(
         raise click.UsageError("--passive and --out need a DEVICE, give its name or file")
     else:
         _list(console)
+
+
+def _read_model(model: Path, joint: str | None) -> tuple[Device, list[str]]:
+    """Return a joint of a robot's model, or a servo of BAM, and what is left out of it."""
+    if joint is None:
+        from zwidth.export.bam import device_of_bam
+
+        return device_of_bam(model)
+    from zwidth.export.read_joint import device_of_joint
+
+    return device_of_joint(model, joint)
 
 
 def _template(console: Console, masses: int, save: Path | None) -> None:

@@ -1,24 +1,35 @@
 """`zwidth export`: a device for another simulator, and what its format cannot describe."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from zwidth.console import Console
+from zwidth.export.bam import bam
 from zwidth.export.c_source import c_source, identifier
 from zwidth.export.cost import cost_of
 from zwidth.export.draws import FORMATS as WITH_FIELDS
-from zwidth.export.draws import as_json, draws_of, independent_sentence
+from zwidth.export.draws import (
+    SUFFIXES,
+    as_csv,
+    as_json,
+    as_npz,
+    draws_of,
+    independent_sentence,
+)
 from zwidth.export.fmu import fmu
+from zwidth.export.isaac_lab import isaac_lab
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported
+from zwidth.export.newton import newton
 from zwidth.export.robots import sdf, urdf
 from zwidth.files.whole import json_text, write_bytes, write_text
 from zwidth.options import Quantity, device_argument, force_option, json_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 
-FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
+FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
 
 
 @click.command("export")
@@ -33,7 +44,10 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
               help="Seed of random events (lost samples), and of draws.")  # fmt: skip
 @click.option("--randomise", type=click.IntRange(1, 100_000), metavar="N",
-              help="Also write OUT.draws.json: N joint draws of mjcf, urdf or sdf.")  # fmt: skip
+              help="Also write N joint draws of the file's numbers.")  # fmt: skip
+@click.option("draws_file", "--draws", metavar="FILE", type=click.Path(dir_okay=False,
+              path_type=Path), help="Where to write them: .json, .npz or .csv. Default:"
+              " OUT.draws.json.")  # fmt: skip
 @force_option
 @json_option
 def command(
@@ -44,6 +58,7 @@ def command(
     seconds: float,
     seed: int,
     randomise: int | None,
+    draws_file: Path | None,
     json_file: str | None,
 ) -> None:
     """Write a device for another simulator, and list what its format cannot hold.
@@ -56,6 +71,9 @@ def command(
     mjcf  MuJoCo
     urdf  joints with damping and dry friction
     sdf   the same, and springs
+    isaaclab  a DelayedPDActuatorCfg of Isaac Lab, as Python
+    newton    a body, a joint and a NewtonActuator, as USD
+    bam       a JSON of Better Actuator Models, m1, m2 or m5
 
     What the format cannot hold is printed and written at the head of FILE. Where FILE can be run,
     the error is measured by the same command through both.
@@ -68,7 +86,15 @@ def command(
             f" --randomise goes with --to {', '.join(WITH_FIELDS)}",
             param_hint="--randomise",
         )
-    drawn = out.with_suffix(".draws.json")
+    drawn = draws_file or out.with_suffix(".draws.json")
+    if draws_file is not None and randomise is None:
+        raise click.BadParameter("there is nothing to write without --randomise N; add it",
+                                 param_hint="--draws")  # fmt: skip
+    if drawn.suffix.lower() not in SUFFIXES:
+        raise click.BadParameter(
+            f"{drawn} ends in {drawn.suffix or 'nothing'}; allowed is {', '.join(SUFFIXES)}",
+            param_hint="--draws",
+        )
     console.will_write(out, *([] if randomise is None else [drawn]))
     for remark in remarks_on(given):
         console.warn(remark)
@@ -87,12 +113,23 @@ def command(
             console.warn(independent_sentence(given))
         draws = draws_of(given, randomise, seed)
         told = as_json(given, draws, lambda one: exported(one, to, called, seed), to, seed)
-        console.say(f"wrote {write_text(drawn, json_text(told))}")
+        console.say(f"wrote {_write(drawn, told)}")
     console.result({
         "device": given.name, "to": to, "file": str(out), "name": called, "lost": list(made.lost),
         "error_over_motion": cost.share, "cost": cost.said,
         "draws": None if randomise is None else str(drawn),
     })  # fmt: skip
+
+
+def _write(path: Path, draws: dict[str, Any]) -> Path:
+    """Write draws in the format of a file's name."""
+    match path.suffix.lower():
+        case ".npz":
+            return write_bytes(path, as_npz(draws))
+        case ".csv":
+            return write_text(path, as_csv(draws))
+        case _:
+            return write_text(path, json_text(draws))
 
 
 def exported(device: Device, to: str, name: str, seed: int) -> Exported:
@@ -106,5 +143,11 @@ def exported(device: Device, to: str, name: str, seed: int) -> Exported:
             return mjcf(device, name)
         case "urdf":
             return urdf(device, name)
+        case "isaaclab":
+            return isaac_lab(device, name)
+        case "newton":
+            return newton(device, name)
+        case "bam":
+            return bam(device, name)
         case _:
             return sdf(device, name)

@@ -93,6 +93,12 @@ def _about_its_level(force: Floats) -> Floats:
     return force - level if float(np.ptp(force)) < LEVEL * abs(level) else force
 
 
+def run_lines(named: bool, run: WholeRun) -> dict[str, tuple[str, str, str]]:
+    """Return label, colour and dashes of each simulated run; named: whether anything was found."""
+    words = WITH_NAMES if named else WITHOUT
+    return words | LEARNED if "law" in run.simulated else words
+
+
 def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     """Return what was measured beside free runs before and after, errors below, in fitting units.
 
@@ -104,8 +110,7 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     middle = float(run.measured.mean())
     swing = float(np.abs(run.measured - middle).max())
     factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
-    words = WITH_NAMES if named else WITHOUT
-    words = words | LEARNED if "law" in run.simulated else words
+    words = run_lines(named, run)
     close = _close_look(run)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6))

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
 
+from zwidth.views.fields import fields_table
 from zwidth.views.table import as_html, as_text
 
 if TYPE_CHECKING:
@@ -31,6 +32,11 @@ def text(result: Any) -> str:
 def html(result: Any) -> str:
     """Return a table for a notebook."""
     return as_html(_module(result).table(result))
+
+
+def fields(value: Any) -> str:
+    """Return the fields of a value as a table for a notebook."""
+    return as_html(fields_table(value))
 
 
 def dataset(result: Any) -> "Dataset":

@@ -1,0 +1,57 @@
+"""Progress in a notebook: one line that is written anew, where no other way to tell it is given."""
+
+import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+PROGRESS = {"zwidth": "progress"}  # metadata of the line, by which a page leaves it out
+Say = Callable[[str], None]
+
+
+@contextmanager
+def telling(say: Say | None, title: str) -> Generator[Say]:
+    """Yield `say`; where that is None, in Jupyter or marimo what writes a line, else silence."""
+    if say is not None:
+        yield say
+    elif _in_jupyter():
+        display: Any = import_module("IPython.display").display
+        handle = display({"text/plain": title}, raw=True, display_id=True, metadata=PROGRESS)
+
+        def line(text: str) -> None:
+            handle.update({"text/plain": _words(title, text)}, raw=True, metadata=PROGRESS)
+
+        yield line
+        line("done")
+    elif _in_marimo():
+        status: Any = import_module("marimo").status
+        with status.spinner(title=title, remove_on_exit=True) as spinner:
+            yield lambda text: spinner.update(subtitle=_words("", text))
+    else:
+        yield _silent
+
+
+def shares(say: Say | None) -> Callable[[float], None] | None:
+    """Return what tells a share done by `say`."""
+    return None if say is None or say is _silent else lambda share: say(f"{100.0 * share:.0f} %")
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+def _words(title: str, text: str) -> str:
+    from zwidth.diagnosis_report import in_words  # a boundary needs nothing of it
+
+    said = in_words(text.replace("@", " at "))
+    return f"{title}: {said}" if title else said
+
+
+def _in_jupyter() -> bool:
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return shell is not None and hasattr(shell, "kernel")
+
+
+def _in_marimo() -> bool:
+    return "marimo" in sys.modules and bool(sys.modules["marimo"].running_in_notebook())

@@ -1,0 +1,64 @@
+"""`zwidth report`: the report of a diagnosis, to look at or to send to somebody."""
+
+import re
+import webbrowser
+from html import unescape
+from pathlib import Path
+
+import click
+
+from zwidth.console import Console
+from zwidth.files.protection import reading
+from zwidth.options import json_option
+
+ENDINGS = (".diagnosis.html", ".fleet.html")
+HEADLINE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
+
+
+@click.command("report")
+@click.argument("what", metavar="[WHAT]", default="runs", type=click.Path(path_type=Path))
+@click.option("show", "--open", is_flag=True, help="Open it in the browser.")
+@json_option
+def command(what: Path, show: bool, json_file: str | None) -> None:
+    """Find the report of a diagnosis, and open it with --open.
+
+    WHAT is a report (NAME.diagnosis.html), a folder, of which the newest report is taken, or a
+    recording, whose report is looked for in runs/. Default: runs.
+
+    A report is one HTML file below 3 MB that fetches nothing: send it as it is. In it, drag across
+    a curve to zoom.
+    """
+    console = Console(json_file)
+    path = found(what)
+    text = reading(path).read_text(encoding="utf-8")
+    title = HEADLINE.search(text)
+    headline = unescape(title[1]) if title else path.stem
+    size = path.stat().st_size
+    console.will_write()
+    console.say(headline)
+    console.say(f"{path} ({size / 1e6:.2f} MB)")
+    if show and not webbrowser.open(path.resolve().as_uri()):
+        console.warn(f"no browser could be started; open {path} in one")
+    console.result({"report": str(path), "headline": headline, "bytes": size})
+
+
+def found(what: Path) -> Path:
+    """Return the report that is meant; raises ValueError where there is none."""
+    if what.name.endswith(ENDINGS) and what.is_file():
+        return what
+    if what.is_dir():
+        reports = [file for ending in ENDINGS for file in what.glob(f"*{ending}")]
+        if reports:
+            return max(reports, key=lambda file: file.stat().st_mtime)
+        raise ValueError(
+            f"there is no report in {what}; 'zwidth diagnose RECORDING --out {what}' writes one"
+        )
+    stem = what.name.partition(".")[0]
+    for folder in (Path("runs"), what.parent):
+        for ending in ENDINGS:
+            if (file := folder / f"{stem}{ending}").is_file():
+                return file
+    raise ValueError(
+        f"{what} is no report, and none of it is in runs/; give NAME.diagnosis.html, a folder of"
+        " them, or the recording that was diagnosed"
+    )

@@ -1,0 +1,69 @@
+"""Curves of a report that can be zoomed: runs as data, drawn by uPlot, all in the same file."""
+
+import base64
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.sim.readable import scaled
+
+MOST = 120_000  # numbers of all curves, so that a report stays below 3 MB
+DASHES = {"-": [], "--": [8, 4], ":": [2, 3]}
+# run -> label, colour, dashes, as in the pictures of a report
+Lines = dict[str, tuple[str, str, str]]
+
+
+def curves_of(runs: Sequence[WholeRun], lines: Lines) -> list[dict[str, Any]]:
+    """Return runs as a page's data: what was measured, and the error of each simulated run.
+
+    Of long ones every k-th sample, so that all together are `MOST` numbers at most. Values are in
+    the unit that fits them, as 32-bit floats in base64; what overflowed is no number.
+    """
+    shown = [(run, [name for name in lines if name in run.simulated]) for run in runs]
+    total = sum(run.measured.size * (1 + len(names)) for run, names in shown)
+    every = max(1, -(-total // MOST))
+    return [_curve(run, {name: lines[name] for name in names}, every) for run, names in shown]
+
+
+def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
+    from matplotlib.colors import to_hex  # "0.6" of matplotlib is no colour of a browser
+
+    factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
+    quantity, _, at = run.output.partition("_")
+    measured = np.where(run.known, run.measured, np.nan)
+    name = f"{run.recording}, {quantity} of {at}"
+    if every > 1:
+        name += f", one of {every} samples"
+    return {
+        "name": name, "quantity": quantity, "unit": unit,
+        "begins": run.begins, "period": run.period * every,
+        "measured": _encoded(factor * measured[::every]),
+        "runs": [
+            {
+                "label": label, "colour": to_hex(colour), "dashes": DASHES[dashes],
+                "error": _encoded(factor * (run.simulated[line] - measured)[::every]),
+            }
+            for line, (label, colour, dashes) in lines.items()
+        ],
+    }  # fmt: skip
+
+
+def _encoded(values: NDArray[np.float64]) -> str:
+    with np.errstate(all="ignore"):
+        return base64.b64encode(values.astype("<f4").tobytes()).decode()
+
+
+def program() -> dict[str, Markup]:
+    """Return what draws them: style and scripts, which are ours and uPlot's and no one else's."""
+    package = files("zwidth")
+    parts = {
+        "style": package / "uplot" / "uPlot.min.css",
+        "library": package / "uplot" / "uPlot.iife.min.js",
+        "script": package / "report_curves.js",
+    }
+    return {name: Markup(file.read_text(encoding="utf-8")) for name, file in parts.items()}

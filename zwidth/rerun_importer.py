@@ -1,0 +1,103 @@
+"""Recordings and logs of diagnoses in Rerun: `rerun-importer-zwidth FILE`.
+
+Rerun runs every program on PATH that is called rerun-importer-... for a file that it does not know
+itself, and reads what the program writes to stdout; one that does not know the file either ends
+with status 66 (https://rerun.io/docs/concepts/logging-and-ingestion/importers/overview). An MCAP
+file Rerun reads alone, as messages; `rerun-importer-zwidth LOG.mcap | rerun -` shows it as curves.
+"""
+
+import re
+import sys
+from argparse import ArgumentParser
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from zwidth.door import taken
+from zwidth.logs.annotations import Annotation, Severity, read_annotations
+from zwidth.logs.errors import LogError
+from zwidth.logs.mcap_reader import Log, read_log
+from zwidth.sim.readable import number
+from zwidth.sim.trace import Trace
+
+NOT_OURS = 66
+LOG_SUFFIX = ".mcap"
+# "found_free_position_m1": of which model, what, of which output (`diagnosis_log`).
+OF_A_MODEL = re.compile(r"(before|refit|found)_(?:(free|residual)_)?(.+)")
+LEVELS: dict[Severity, str] = {"info": "INFO", "warning": "WARN", "error": "ERROR"}  # of Rerun
+
+
+def main() -> None:
+    """Write a recording to stdout as Rerun reads it; the arguments are those that Rerun gives."""
+    parser = ArgumentParser(prog="rerun-importer-zwidth", description=__doc__)
+    parser.add_argument("file", type=Path, help="a recording, a recording TOML or a log of zwidth")
+    parser.add_argument("--application-id", help="of the recording in Rerun")
+    parser.add_argument("--recording-id", help="of the recording in Rerun")
+    parser.add_argument("--entity-path-prefix", default="", help="before the names of all curves")
+    asked, _ = parser.parse_known_args()  # Rerun has more, of which a recording needs none
+    path: Path = asked.file
+    log: Log | None = None
+    try:
+        if not path.is_file():
+            sys.exit(NOT_OURS)
+        if path.suffix.lower() == LOG_SUFFIX:
+            log = read_log(path)
+        trace = taken(path)[0] if log is None else log.tick
+    except (LogError, ValueError):
+        sys.exit(NOT_OURS)
+    try:
+        rerun = import_module("rerun")
+    except ModuleNotFoundError:
+        sys.exit("rerun-importer-zwidth needs rerun-sdk: pip install 'zwidth[rerun]'")
+    stream = rerun.RecordingStream(
+        asked.application_id or path.name, recording_id=asked.recording_id
+    )
+    stream.stdout()
+    prefix = asked.entity_path_prefix.rstrip("/")
+    send(rerun, stream, prefix, trace)
+    if log is not None:
+        send_annotations(rerun, stream, prefix, log)
+
+
+def send(rerun: Any, stream: Any, prefix: str, trace: Trace) -> None:
+    """Send every channel of a trace as a curve over the timeline `time`.
+
+    An output stands beside what models predict of it: `position_m1/measured`,
+    `position_m1/found_free`; what they leave of it under `position_m1_residual`.
+    """
+    for name, values in trace.channels.items():
+        place = f"{prefix}/{entity(name, trace)}"
+        unit = trace.units[name]
+        label = f"{place.rpartition('/')[2]} [{unit}]" if unit else place.rpartition("/")[2]
+        stream.log(place, rerun.SeriesLines(names=label), static=True)
+        index = [rerun.TimeColumn("time", duration=trace.t)]
+        stream.send_columns(place, indexes=index, columns=rerun.Scalars.columns(scalars=values))
+
+
+def entity(name: str, trace: Trace) -> str:
+    """Return where a channel of a trace stands in Rerun."""
+    if (model := OF_A_MODEL.fullmatch(name)) and model[3] in trace.channels:
+        word, kind, output = model.groups()
+        if kind == "residual":
+            return f"{output}_residual/{word}"
+        return f"{output}/{word}_{kind or 'one_step'}"
+    if f"found_{name}" in trace.channels:
+        return f"{name}/measured"
+    return f"annotations/{name}" if re.fullmatch(r"mark_\d+", name) else name
+
+
+def send_annotations(rerun: Any, stream: Any, prefix: str, log: Log) -> None:
+    """Send what is said of stretches of a log as lines of text where they begin."""
+    for one in read_annotations(log.path, log.epoch_ns):
+        stream.set_time("time", duration=one.start)
+        stream.log(
+            f"{prefix}/annotations",
+            rerun.TextLog(in_words(one), level=LEVELS[one.severity]),
+        )
+
+
+def in_words(one: Annotation) -> str:
+    """Return an annotation as one line: its name, how long it lasts, what it says."""
+    about = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in one.details.items())
+    lasts = f"{one.name}, {number(one.start)} to {number(one.end)} s"
+    return f"{lasts}: {one.text}{f' ({about})' if about else ''}"
