@@ -102,7 +102,7 @@ def film(scene: Scene) -> Made:
         camera.reading * reading.standard_normal(ticks), states,
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
-        raise RunAway(f"the machine runs away after {done} ticks; conceal something weaker")
+        raise RunAway(f"the simulated motion diverges after {done} ticks; conceal something weaker")
     channels = {"command": commands}
     length, unit = ("rad", "N m") if device.rotary else ("m", "N")
     units = {"command": unit}

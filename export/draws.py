@@ -61,7 +61,9 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
     factor = np.array([n.factor for n in own])
     if np.any(factor & (value <= 0.0)):
         name = told.names[int(np.flatnonzero(factor & (value <= 0.0))[0])]
-        raise ValueError(f"{name} is {known[name].value:g}; a posterior of it needs it above 0")
+        raise ValueError(
+            f"{name} is {known[name].value:g}; a posterior scales it by a factor, so it must be > 0"
+        )
     size, turn = np.linalg.eigh(np.array(told.correlation))
     root = turn * np.sqrt(np.maximum(size, 0.0))
     random = np.random.default_rng(seed)

@@ -162,7 +162,7 @@ def _date_in(text: str, path: Path) -> datetime | None:
         return _date(match[1] + (f"T{match[2]}:{match[3]}" if match[2] else ""))
     except ValueError:
         raise ValueError(
-            f"{path.name} has {match[0]!r} in its name, which is no date; rename it, or list the"
+            f"{path.name} has {match[0]!r} in its name, which is not a date; rename it, or list the"
             f" recordings in {TABLES[0]}"
         ) from None
 

@@ -138,7 +138,7 @@ def quick(e: Experiment, structure: Structure) -> Quick:
     try:
         h = fit(e, structure)
     except NoObserver:
-        return Quick(e.name, problem=f"no observer follows {e.name} with the fleet's structure")
+        return Quick(e.name, problem=f"no observer with the fleet's structure predicts {e.name}")
     return summed_up(e, h, tuple(f.sentence for f in oddities(structure.typical, e)))
 
 

@@ -68,7 +68,7 @@ FAULTS = {
     "stale_sensor": "a sensor that does not give new readings",
     "unreadable": "it cannot be used",
     "changed_within": "a parameter changes while it is recorded",
-    "other_device": "a parameter is another one",
+    "other_device": "a parameter has another value",
     "other_physics": "physics that the others do not have",
     "unexplained": "nothing that was tried explains it",
 }
@@ -158,7 +158,7 @@ def explained(question: Question) -> Reason:
             found.append((plain - gained, replace(reason, gained=gained), None))
     best = min(found, key=lambda f: f[0], default=None)
     if best is None:
-        return unusable(f"no observer follows {e.name}, however it is read")
+        return unusable(f"no observer predicts {e.name}, whatever fault is assumed")
     cost, reason, h = best
     noise = question.noise if h is None else float(h.noise.observer.deviation[0])
     if noise > BADLY * question.noise:

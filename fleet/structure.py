@@ -109,7 +109,7 @@ def structure_from(text: str) -> Structure:
             tuple({k: (v[0], v[1]) for k, v in e["bounds"].items()} for e in every),
         )
     except (KeyError, TypeError, IndexError) as error:
-        raise ValueError(f"this is no structure of a fleet: {error}") from None
+        raise ValueError(f"this is not a fleet structure: {error}") from None
 
 
 def _kept(physics: Physics) -> set[str]:
@@ -174,7 +174,7 @@ def informative(
             linear = [p.kind not in ("origin", "zero", "jitter", "skew") for p in model.parameters]
             told.append((place, log_det, h.x[np.array(linear)]))
     if not told:
-        raise NoObserver("no recording of the fleet can be followed with the device")
+        raise NoObserver("no observer of the device predicts any recording of the fleet")
     xs = np.stack([x for _, _, x in told])
     middle = np.median(xs, axis=0)
     spread = 1.4826 * np.median(np.abs(xs - middle), axis=0) + 0.05
@@ -222,14 +222,14 @@ def sought(
                 if known is None or one.cost.total < known[2]:
                     found[one.labels] = one.model, one.x, one.cost.total
     if not wanting:
-        raise NoObserver("no recording of the fleet can be followed with the device")
+        raise NoObserver("no observer of the device predicts any recording of the fleet")
     plain = [_fitted(e, bare, first_x(bare, [e])) for e in experiments]
     costs = {frozenset[str](): sum(h.cost.total for h in plain if h is not None)}
     fits: dict[frozenset[str], list[Hypothesis | None]] = {frozenset(): plain}
     for labels, (structure, x, _) in found.items():
         if not labels:
             continue
-        say(f"fitting to all of them {' and '.join(sorted(labels))}")
+        say(f"fitting {' and '.join(sorted(labels))} to all recordings")
         model = replace(structure, nominal=bare.nominal)
         each = [_fitted(e, model, x) for e in experiments]
         fits[labels], costs[labels] = each, _cost(each, plain)

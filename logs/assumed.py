@@ -164,7 +164,8 @@ class _Reader:
         for role, name in given.items():
             if name not in source.signals:
                 raise RecordingError(
-                    f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
+                    f"{role} is {name!r}, which is not a column of numbers;"
+                    f" {nearest(name, source.signals)}"
                 )
         sizes = {role: source.signals[name].values.size for role, name in given.items()}
         if len(set(sizes.values())) > 1:
@@ -444,7 +445,7 @@ class _Reader:
         if len(known) < 2:
             one = f"only {known[0]} moves in it" if known else "no position in it moves"
             raise RecordingError(
-                f"{self.source.path.name} has no several joints: {one}; leave --joint out"
+                f"{self.source.path.name} has fewer than two joints: {one}; leave --joint out"
             )
         words = differing({name: self.names[name] for name in every})
         labels = {name: "_".join(words[name]) for name in every}

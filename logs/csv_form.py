@@ -93,7 +93,7 @@ def find_form(path: Path, lines: Lines, options: CsvOptions) -> Form:
     if runs[best].width == 0:
         raise RecordingError(
             f"{path.name} has no line of numbers among its first {len(sample)}; if it is a table,"
-            " say delimiter, decimal and header_line in [csv]"
+            " give delimiter, decimal and header_line in [csv]"
         )
     delimiter, decimal = dialects[best]
     width = runs[best].width

@@ -64,7 +64,7 @@ class _Ending(io.BytesIO):
         """Read on; raises ValueError where a reader goes round in circles."""
         self.left -= 1
         if self.left < 0:
-            raise ValueError("its messages lead back to where they began")
+            raise ValueError("the references between its messages form a loop")
         return super().read(size)
 
 

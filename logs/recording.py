@@ -92,9 +92,7 @@ def read_described(description: Description, folder: Path) -> Trace:
     except RecordingError as error:
         raise RecordingError(f"{path.name}: {error}") from None
     except MemoryError:
-        raise RecordingError(
-            f"{path.name} needs more memory than there is; cut it in parts"
-        ) from None
+        raise RecordingError(f"{path.name} needs more memory than there is; split it") from None
 
 
 def read_source(description: Description, source: Source) -> Trace:

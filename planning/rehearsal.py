@@ -67,7 +67,7 @@ def rehearse(
         substeps=usual_substeps(device),
     )
     if run.outcome is not Outcome.COMPLETED:
-        raise RunsAway(f"{device.name} runs away under {name}: {run.outcome.value}")
+        raise RunsAway(f"the motion of {device.name} diverges with {name}: {run.outcome.value}")
     scale = [1.0 if o.quantity == "position" else 1.0 / period for o in outputs]
     sensed = [o.name == "position_m1" for o in outputs]
     seen = ["encoder" if at else o.name for at, o in zip(sensed, outputs, strict=True)]

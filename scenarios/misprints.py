@@ -99,8 +99,9 @@ def _trend(rows: Sequence[Row], i: int, c: NDArray[np.complex128]) -> complex:
     near = [j for j in range(len(rows)) if j != i and _neighbours(one, rows[j])]
     if len(near) < (1 if jumped else 3):
         raise ValueError(
-            f"the row at {1e3 * one.delay:g} ms, B = {one.damping:g} has {len(near)} neighbours; 3"
-            " of its delay are needed before the jump of f, after it 1 within a tenth of its f"
+            f"the row at {1e3 * one.delay:g} ms, B = {one.damping:g} has {len(near)} neighbours;"
+            " before the jump of f it needs 3 rows with the same delay, after it 1 row whose f is"
+            " within a tenth"
         )
     f = np.array([rows[j].frequency for j in near])
     if jumped:

@@ -356,7 +356,7 @@ def _device(top: Table) -> Device:
     labels = [place_label(physics) for physics in entries]
     for i, label in enumerate(labels):
         if label in labels[:i]:
-            raise TableError(f"physics[{i}] is {label} once more; give each effect once a place")
+            raise TableError(f"physics[{i}] repeats {label}; give each effect once per place")
     device = Device(
         top.text("name"),
         top.text("source", ""),

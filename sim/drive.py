@@ -124,7 +124,7 @@ class Drive:
             raise ValueError(f"drive.when_off is {self.when_off!r}; {nearest(self.when_off, WAYS)}")
         if self.kind == "current" and math.isfinite(self.supply_v) != (self.resistance_ohm > 0.0):
             raise ValueError(
-                "drive.supply_v and drive.resistance_ohm tell together how the limit of a current"
+                "drive.supply_v and drive.resistance_ohm together say how the limit of a current"
                 " falls with speed; give both, or neither"
             )
 

@@ -47,6 +47,7 @@ class Posterior:
             or np.any(told != told.T) or float(np.linalg.eigvalsh(told)[0]) < -ROUNDED * p
         ):  # fmt: skip
             raise ValueError(
-                "posterior.correlation is no correlation; allowed is a symmetric matrix with ones"
+                "posterior.correlation is not a correlation matrix; allowed is a symmetric"
+                " matrix with ones"
                 " on its diagonal and no negative eigenvalue"
             )

@@ -156,7 +156,7 @@ class Setup:
         time.
         """
         if self.memory.counters[0] != 0:
-            raise ValueError("this run has begun already; prepare it anew to run it again")
+            raise ValueError("this run has already begun; prepare it again to repeat it")
         for first in range(0, self.ticks, ticks):
             count = min(ticks, self.ticks - first)
             record = np.zeros((count, len(self.channel_units)))

@@ -342,7 +342,7 @@ def test_none_of_one_reaches_no_goal(wrong: int, count: int, reached: str) -> No
     silent = mark(key_of(stratum="none"), answered(verdict="nothing_missing"), {})
     found = tally([silent], {})
     found["none"]["false_claims"] = Share(wrong, count).as_json()
-    (row,) = (r for r in goals(found) if r[0] == "nothing concealed: a false claim")
+    (row,) = (r for r in goals(found) if r[0] == "nothing concealed: an effect claimed")
     assert row[3] == reached
 
 

@@ -119,7 +119,7 @@ def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
     assert headline(answer()).startswith("Nothing is missing")
     lost = answer(FRICTION, lost="a part of the search")
-    assert headline(lost) == "Undecided: an error left out a part of the search"
+    assert headline(lost) == "Undecided: an error prevented a part of the search"
     away = answer(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
     assert "without bound" in headline(away)
 

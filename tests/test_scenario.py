@@ -174,7 +174,7 @@ def test_a_log_holds_a_folder_that_runs_again(tmp_path: Path):
         ("duration_s = 0.5", "duration_s = 1\nbound = nan", "bound is nan; allowed is more than 0"),
         ("duration_s = 0.5", "schema = 2\nduration_s = 1", "schema is 2; this version reads 1"),
         ("duration_s", "duration_s = 1 x", "this is not TOML"),
-        ("phantom_1_0", "phantom", "device.name is 'phantom', no shipped device; did you mean"),
+        ("phantom_1_0", "phantom", "device.name is 'phantom', which is not a shipped device"),
         ('name = "phantom_1_0"', "", "[device] needs exactly one key"),
         ('name = "phantom_1_0"', "path = 'no.toml'", "there is no file 'no.toml'; check the name"),
         ('name = "phantom_1_0"', "text = 'a = 1'", "device.text: unknown key 'a'; "),

@@ -29,14 +29,14 @@ from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
-# Stages without which no verdict stands, and what an error in them takes from it.
+# Stages without which there is no verdict, and what an error in each of them prevents.
 WHAT_IS_LOST = {
     "search": "a part of the search",
-    "detect": "whether anything is left",
-    "separation": "how well it can be told apart",
-    "held out": "what the held-out data say",
-    "adequacy": "how good the answer is",
-    "regimes": "where it holds",
+    "detect": "the test of what is left",
+    "separation": "the comparison with other effects",
+    "held out": "the test on held-out data",
+    "adequacy": "the test of how good the answer is",
+    "regimes": "the test of where it holds",
 }
 
 
@@ -92,7 +92,7 @@ def answered(
         runs = attempt("whole runs", "", partial(whole, law=law.found)) or runs
     also = [event.sentence for event in events]
     if changes:  # what lacks a law may look as if it changed
-        doubt = "as far as these laws hold, "
+        doubt = "if these laws are right, "
         doubt = doubt if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS else ""
         also.insert(0, doubt + "; ".join(change.sentence for change in changes))
     untried = dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates"))

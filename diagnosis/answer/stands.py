@@ -130,7 +130,7 @@ def standing(
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
         return found, sound
-    say(f"{found.final.model.label} predicts the held-out data no better than without it: dropped")
+    say(f"{found.final.model.label} does not improve the prediction of held-out data: dropped")
     for other in next_believed(found):
         say(f"judging {other.final.model.label} on the held-out data")
         stands = attempt("adequacy", "", partial(held_adequacy, device, other, taken))
@@ -254,7 +254,7 @@ def second_look(
     note, if nothing new was named, if something is still left, or if a name was lost. It is also
     returned if the search was interrupted, which the note then says.
     """
-    say("the held-out data show more than was found: searching all of the recording")
+    say("the held-out data show physics that was not found: searching the whole recording")
     try:
         again = search(acted)
         halted = again.interrupted

@@ -523,9 +523,10 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     parts = [p for p in parts if still or np.ptp(p.command)]
     if not parts:
         raise ExperimentError(
-            f"the clock of {name} jumps{over} {count}, {after}, and no {SHORTEST} samples in motion"
-            " lie between two jumps; record without gaps, or write resample = true into the"
-            " recording's TOML"
+            f"the clock of {name} jumps{over} {count}, {after}, and nowhere between two jumps are"
+            f" there {SHORTEST} samples in motion; record without gaps, or write resample = true"
+            " into"
+            " the recording's TOML"
         )
     left = whole.ticks - sum(p.ticks for p in parts)
     short = f"; {left} samples of short or still ones are left out" if left else ""

@@ -436,7 +436,7 @@ def _exchanged(found: Search) -> None:
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
             return
-        found.say("trying other effects in place of each")
+        found.say("trying other effects in place of each one found")
         left.add(h.labels)
         less: list[Hypothesis] = []
         for some in _instead(found):

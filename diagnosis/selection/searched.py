@@ -125,7 +125,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     hardens imitates play from sample to sample, and drifts over a cycle.
     """
     near = found.tried
-    say("searching again by the error over a longer horizon")
+    say("searching again by the prediction error over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
         return replace(found, far=True)

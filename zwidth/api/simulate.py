@@ -69,7 +69,7 @@ def simulate(
 def _as_described(scenario: Scenario, *more: object) -> Run:
     if any(value is not None for value in more):
         raise ValueError(
-            "a scenario says itself how it runs; give it alone, or change it with"
+            "a scenario contains every setting of its run; give it alone, or change it with"
             " dataclasses.replace"
         )
     return run.simulate(

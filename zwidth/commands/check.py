@@ -65,7 +65,7 @@ def command(
     console = Console(json_file)
     if model is not None and joint is None:
         raise ValueError(
-            "--model needs --joint NAME, the joint of the model that DEVICE is; add it"
+            "--model needs --joint NAME, the joint of the model that DEVICE describes; add it"
         )
     known = load_device(device)
     simulate, simulator = None, ""

@@ -148,7 +148,7 @@ def _refuse_idle_options(context: click.Context, options: dict[str, Any]) -> Non
             )
     for quantity in options["log"]:
         if quantity not in options["axes"]:
-            raise ValueError(f"--log {quantity} has no use while {quantity} is no axis")
+            raise ValueError(f"--log {quantity} has no use while {quantity} is not an axis")
 
 
 def _plane(device: Device, options: dict[str, Any]) -> Plane:

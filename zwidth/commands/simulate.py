@@ -42,7 +42,7 @@ FATES = {  # of a wall: what of `sim/fate.py` is said beside it
 }
 
 
-SETTLED = " that the steps of encoder and command alone cannot keep up"
+SETTLED = " that the steps of encoder and command alone cannot sustain"
 
 
 @click.command("simulate")
