@@ -1,4 +1,4 @@
-"""What formats of joints have words for: masses, dampers, springs, levels of dry friction.
+"""What formats of joints can describe: masses, dampers, springs, levels of dry friction.
 
 Each effect is sorted here once: which part of it such a format can describe, and which it cannot.
 """

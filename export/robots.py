@@ -1,7 +1,7 @@
 """A device as URDF or SDF: bodies and joints with damping and dry friction.
 
-A joint of URDF has no spring, so that a chain is one rigid body there. One of SDF has, and a chain
-is bodies one behind the other, each joint the link to the body before.
+A joint of URDF has no spring, so that a chain is one rigid body there. A joint of SDF has one, so a
+chain is a row of bodies, in which each joint is the link to the body before.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Compiled parts of the kernel as C, by their own source.
+"""Translation of compiled parts of the kernel from their own source to C.
 
 The source of a part is executed here: what is known of a device (its tables, sizes, numbers) keeps
 its value, and what is only known in a run becomes a C expression. Conditions and loops over known

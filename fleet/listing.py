@@ -6,8 +6,8 @@ A table is a CSV with a line for each recording,
     d01/monday.csv,d01,2026-03-02,0.5,21.5
 
 or a TOML with `[[recording]]` tables of the same keys (`file` for `recording`). Only the file is
-asked for. `device` (or `unit`) says of which device it is; without it all are of one. `date` is
-ISO 8601. Every other column of numbers is a known value that parameters may scale with.
+required. `device` (or `unit`) says of which device it is; without it all are of one. `date` is ISO
+8601. Every other column of numbers is a known value that parameters may scale with.
 
 A folder is read through its table where it has one (`fleet.csv`, `fleet.toml`); else every
 recording in it counts: recording TOMLs, logs, and files of data that no TOML describes. A subfolder

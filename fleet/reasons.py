@@ -1,4 +1,4 @@
-"""Why a recording is unlike the others: what would make it one of them, each asked by its cost.
+"""Why a recording is unlike the others: which fault explains it at the lowest cost.
 
 A sound recording of the fleet has parameters about mu (for its own columns) with deviations S. Read
 in one way (as it is, with a sign reversed, ...), a fit gives y with covariance C, and
@@ -15,8 +15,8 @@ Tried are: signs and units of command and output (also as the gate of a diagnosi
 late command or reading, a reading that jumps (a clamp or a coupling that slipped), a parameter that
 changes within the recording, parameters of its own, and, if it fits badly whatever is corrected,
 physics that the others do not have. If free runs diverge, it is first tested whether the drive was
-off for a while (`switched_off`), since the next sample, which shows all of the others, does not
-show that.
+off for a while (`switched_off`), since the prediction one sample ahead, which shows all other
+faults, does not show this one.
 """
 
 import math

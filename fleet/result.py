@@ -1,4 +1,4 @@
-"""What is said of a fleet, as values and as the JSON of `zwidth diagnose`."""
+"""The result for a fleet, as values and as the JSON of `zwidth diagnose`."""
 
 import math
 from collections.abc import Mapping

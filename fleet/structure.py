@@ -12,8 +12,8 @@ effects must cost less by 2 ln (1 / ALPHA) for each. A recording without informa
 parameter is left out of the comparison.
 
 The few are the most informative ones: those whose refit determines the linear parameters best (ln
-det J'J), of different devices, and without those whose parameters lie far from the others', which
-may be misread.
+det J'J), of different devices, and without those whose parameters lie far from the others', since
+such a recording may have a fault.
 """
 
 import json

@@ -1,9 +1,9 @@
-"""A device to start from, of a recording alone: one, two or three masses, whichever the data ask.
+"""A device of one, two or three masses to start from, identified from a recording alone.
 
 `identify` fits eq. (1) to a frequency response, which needs an excitation of all frequencies and
-some 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
-which the chain runs freely under the command. The error is counted as a speed, so that a small fast
-mode counts beside a large slow drift:
+about 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
+which the chain runs freely under the command. The error is measured as a speed, so that a small
+fast mode has weight beside a large slow drift:
 
     e_w = (I - P) d/dt (y_w - H (u_w + sum_i a_i f_i,w)),
 

@@ -1,4 +1,4 @@
-"""A device to start from whose command is a goal: a loop on the position of one mass.
+"""A device to start from if the command is a goal: a loop on the position of one mass.
 
     m q'' + b q' = K (g(t - tau) - q)
 

@@ -1,4 +1,4 @@
-"""Position of a modal model under a held command, fast: one first-order filter a pole.
+"""Fast position of a modal model under a held command: one first-order filter per pole.
 
 G = sum_p r_p / (s - p). Over one period T, a command that changes from u' to u at r after the tick
 moves the term of a pole p by

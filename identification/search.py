@@ -1,4 +1,4 @@
-"""How a fit is found: from a start of its own, with the noise that the data themselves show.
+"""How a fit is found: starting values and noise are both estimated from the data.
 
 The first variance of H1 comes from the coherence, too large at low frequencies (leakage counts as
 noise), but independent of any model. Then twice the noise's spectrum in the last fit's residual is

@@ -1,9 +1,9 @@
 """Tasks on many machines, by Dask (`pip install 'zwidth[cluster]'`).
 
-Dask gives a task whose worker died to another one. In addition: a restarted scheduler has forgotten
-everything, so missing results are requested again; workers with other code than the driver are
-refused, since their results would not be the same; and only as many tasks are in flight as are
-needed to keep all cores busy.
+If a worker dies, Dask gives its task to another worker. In addition: a restarted scheduler has
+forgotten everything, so missing results are requested again; workers with other code than the
+driver are refused, since their results would not be the same; and only as many tasks are in flight
+as are needed to keep all cores busy.
 """
 
 import errno

@@ -1,4 +1,4 @@
-"""Text tables: CSV, TSV and columns of blanks, by whatever tool they were written.
+"""Text tables: CSV, TSV and tables separated by blanks, whatever tool wrote them.
 
 Lines that begin with #, % or // are comments. A blank cell is NaN, and so is a cell of text in a
 column of numbers, which the signal's note tells with its line. A column of text does not spoil the

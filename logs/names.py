@@ -1,4 +1,4 @@
-"""What the name of a column says: which quantity, asked or measured, of which joint.
+"""What the name of a column says: which quantity, commanded or measured, of which joint.
 
 The words are in `vocabulary.toml`, with their sources. A name is split at capitals, digits and
 signs; a unit at its end does not count as a word, nor do letters before a capital that denote a

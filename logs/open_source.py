@@ -1,4 +1,4 @@
-"""A recorded file of any known format, told by its first bytes rather than by its name.
+"""A recorded file of any known format, recognised by its first bytes rather than by its name.
 
 It is a log that zwidth wrote, or holds the signals of another tool.
 """

@@ -1,4 +1,4 @@
-"""Formats that libraries of their own read, which `pip install zwidth[formats]` brings.
+"""Formats that are read by optional libraries, which `pip install zwidth[formats]` installs.
 
 TDMS of LabVIEW by npTDMS: `group/channel`, and the interval of a waveform where there is one. ULog
 of PX4 by pyulog: `topic.field`, `topic_1.field` for the second of a topic.

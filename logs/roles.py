@@ -1,4 +1,4 @@
-"""Which signal of a file drives, and which are the motion that answers: by names, then by numbers.
+"""Which signal of a file is the command and which are the motion: by names, then by values.
 
 Names say what is measured and what is commanded (`logs/names.py`). Of the joints of a robot the one
 that moves most is taken, with what drives that joint. Where names are ambiguous, numbers decide if

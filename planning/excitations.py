@@ -1,4 +1,4 @@
-"""A library of excitations, each as strong as a device bears, and as scenario files that play.
+"""A library of excitations, as strong as the device allows, and as scenario files to play.
 
 `zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). The
 strength is limited by the largest command (level) and by the largest travel of the simulated

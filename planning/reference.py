@@ -1,4 +1,4 @@
-"""A device on experiments, with everything that a linear refit could absorb of a new effect."""
+"""A device on experiments, with all that a linear refit could absorb of a new effect."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

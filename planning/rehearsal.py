@@ -1,4 +1,4 @@
-"""A recording as it would be: a device played a command, seen through noise.
+"""A simulated recording of a planned experiment: the response of a device to a command, with noise.
 
 The information of an experiment is computed before it is made, so the recording is simulated, with
 the noise that the rig is believed to have: a random force at m1, new every tick, and noise of the

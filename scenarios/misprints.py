@@ -1,4 +1,4 @@
-"""Which rows of a table of critical oscillations no smooth plant explains, and the B they imply.
+"""Rows of critical oscillations that no smooth plant explains, and the B that they imply.
 
 A row gives c = ln(measured plant / model) (`scenarios/inversion.py`). A smooth plant leaves c
 smooth in f: before the jump of f a line through the other rows of the same delay, after it a

@@ -1,4 +1,4 @@
-"""What a run does once left alone: decay, cycle or grow; and what becomes of it at a wall."""
+"""What a run does after the last disturbance: decay, cycle or grow; and how it ends at a wall."""
 
 import math
 from typing import NamedTuple

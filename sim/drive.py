@@ -1,4 +1,4 @@
-"""A drive as its data sheet has it, brought to what a device already knows.
+"""A drive, described by its data sheet, in terms of what a device already contains.
 
 A winding of resistance R and inductance L, a motor constant k_t, a back-EMF k_e and a gear of ratio
 g between motor and m1, on the supply U:

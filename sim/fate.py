@@ -1,4 +1,4 @@
-"""What becomes of a wall's run: the one place that says so.
+"""How a run at a wall ends: the only place that decides this.
 
 rests     comes to rest, or decays towards it
 dithers   oscillates on, kept up by the steps of encoder or command alone, and too weakly to be felt
@@ -7,10 +7,10 @@ grows     grows, without bound or until the amplifier's limit holds it, or settl
           that steps alone cannot keep up (that of play, of friction, of the limit)
 undecided none of these yet when the time is up
 
-A wall is stable unless it grows. What divides dither from growth is a bound. A step of the encoder
-or of the command is an error e of at most half a step, |e| <= D/2, added to what is read. On a loop
-that is stable without it, such an error can keep an oscillation up but not let it grow. How large
-that may be, in first harmonics (describing function):
+A wall is stable unless it grows. An upper bound on the amplitude divides dither from growth. A step
+of the encoder or of the command is an error e of at most half a step, |e| <= D/2, added to what is
+read. On a loop that is stable without it, such an error can keep an oscillation up but not let it
+grow. How large that may be, in first harmonics (describing function):
 
     y = -T_c e,  T_c = L / (1 + L),   |e|_1 <= (4/pi) D/2,   so   A <= (2/pi) D max_w |T_c(w)|
 

@@ -1,4 +1,4 @@
-"""Devices of one make with numbers of their own, as arrays: what a population is made from at once.
+"""Devices of one structure with different numbers, as arrays from which populations are made.
 
 A search evaluates thousands of devices that differ only in numbers. Here these numbers are arrays
 with a first axis of members, changed as those of a `Device` are (`with_physics`, `with_interface`),

@@ -17,8 +17,9 @@ nothing the propagator is that of the chain without it (`sim/kernel.py`), and th
     z(t) = q(t) - s_0 exp(-k t / c).
 
 Inside a substep it lets go where T falls through zero, and hits a side where z does (`taken_over`),
-which leaves an error of third order. In the ledger the effect has what the link's spring is booked
-with while it carries nothing. Other effects in the same link act beside it, between its two masses.
+which leaves an error of third order. In the energy ledger, the amount that is booked for the link's
+spring while the link carries nothing is booked for this effect. Other effects in the same link act
+beside it, between its two masses.
 """
 
 import math

@@ -3,14 +3,14 @@
     f = sum over i, j of  r_i(a) c_j(b) F_ij
 
 a and b are two of position, velocity, command and time: of a mass, its own position and velocity;
-in a link how far it gives way and how fast, a force on the first mass and against it on the
-second. The command is the one that is held, and time is that of the run, or of the recording, from
-its beginning on. F_ij is the force at row i, a state of the first, and column j, one of the second.
-r_i and c_j say how much each row and column counts: along either axis the force is the curve of
-`free_law.py` through its points, cubic in each interval and at its ends beyond them. That curve is
-linear in the values, f_1 + sum of e_j (f_(j+1) - f_j), with shares e_j of the steps that depend on
-the state and the points alone, so that r_i = e_(i-1) - e_i is found once for an axis and not once
-for each row.
+in a link, its deflection and the rate of this, with the force on the first mass and its opposite on
+the second. The command is the one that is held, and time is that of the run, or of the recording,
+from its beginning on. F_ij is the force at row i, a state of the first, and column j, one of the
+second. r_i and c_j say how much each row and column counts: along either axis the force is the
+curve of `free_law.py` through its points, cubic in each interval and at its ends beyond them. That
+curve is linear in the values, f_1 + sum of e_j (f_(j+1) - f_j), with shares e_j of the steps that
+depend on the state and the points alone, so that r_i = e_(i-1) - e_i is found once for an axis and
+not once for each row.
 
     [[physics]]
     effect = "free_force"
@@ -34,8 +34,8 @@ that does not depend on the second state.
 
 Limits: as `free_law.py`; the surface may swing between points that are far apart, and a force that
 is steep against the substep is a stiff spring or damper. It is second order in the substep in all
-four: a force over time is taken at the substep's own beginning and end. It may make energy, which
-the ledger shows as its work.
+four: a force over time is taken at the substep's own beginning and end. It may generate energy,
+which the ledger shows as its work.
 """
 
 import itertools

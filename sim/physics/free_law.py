@@ -5,12 +5,12 @@ In each interval of the table, of width h and slope d, with t = clip((s - s_j) /
     f(s) = f_1 + sum over j of  d h t^2 (3 - 2 t) + h (m_j t (1 - t)^2 - m_(j+1) t^2 (1 - t)),
 
 cubic, with a tangent m at each point that is the parabola's through it and its neighbours. Each
-term is nothing before its own interval and d h after it, so the sum is the curve, without a search
-for the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a
-command; beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it
-then begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less
-whole periods, the table is of one of them (its last point before its first a period on), and one
-interval more closes the turn, with tangents that are the same at both of its ends.
+term is zero before its own interval and d h after it, so the sum is the curve, without a search for
+the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a command;
+beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it then
+begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less whole
+periods, the table is of one of them (its last point before its first a period on), and one interval
+more closes the turn, with tangents that are the same at both of its ends.
 
 It is what the diagnosis learns where no name explains a recording (`diagnosis/learning`), and what
 a user writes who has measured a curve:
@@ -30,8 +30,8 @@ or, of what repeats (a detent of a motor, a ball screw, a tooth),
 
 Limits: `KNOTS` points; the curve may swing between points that are far apart. A law that is steep
 against the substep is a stiff spring or damper, of second order in the substep only as long as
-slope x h / m (or h^2 / m) is well below one. A table may make energy, as no damper does, which the
-ledger then shows.
+slope x h / m (or h^2 / m) is well below one. Unlike a damper, a table may generate energy, which
+the ledger then shows.
 """
 
 import itertools
