@@ -241,7 +241,7 @@ damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 ![Shapes of the boundaries, and ratios to the difference](haptics/paddle_shapes.png)
 
-Of another teaching paddle these are known: its firmware (350 us, 4096 counts a turn of the motor,
+Of another teaching paddle these are known: its firmware (350 us, 4096 counts per turn of the motor,
 ratio 15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN
 m), and two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at
 45 ms on a Hall sensor. Its measured walls were not known when this was computed.

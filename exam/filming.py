@@ -21,7 +21,7 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 STEP_S = 1e-4  # of the integrator at most; a stiff bristle then bends by microradians
-FEWEST = 4  # steps a tick
+FEWEST = 4  # steps per tick
 LOW_PASS_HZ = (20.0, 200.0)
 
 
@@ -80,7 +80,7 @@ def draw_camera(random: np.random.Generator, machine: Machine) -> Camera:
 
 
 def steps_a_tick(period: float) -> int:
-    """Return the integrator's steps a tick."""
+    """Return the integrator's steps per tick."""
     return max(FEWEST, math.ceil(period / STEP_S - 1e-9))
 
 

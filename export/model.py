@@ -54,7 +54,7 @@ def label_of(physics: Physics) -> str:
 
 
 def substeps_for(device: Device) -> int:
-    """Return how many substeps a tick an export of a device takes."""
+    """Return how many substeps per tick an export of a device takes."""
     within = any(p.effect.hook in ("force", "friction") for p in device.physics)
     return enough_substeps(device, SUBSTEPS if within else 1)
 

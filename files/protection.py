@@ -148,7 +148,7 @@ def force() -> None:
 def command(name: str) -> Generator[None]:
     """Let a command write within the block.
 
-    At the end it raises Protected for results that could not take their places.
+    At the end it raises Protected if results could not replace existing files.
     """
     present = Writer(name, late=(late := list[str]()))
     token = _writer.set(present)

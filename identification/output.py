@@ -22,7 +22,7 @@ WHOLE = 1e-9  # of a period: a remainder below is rounding of decimal input
 
 
 class Terms(NamedTuple):
-    """The terms of the sampled position, one a pole, all (poles,).
+    """The terms of the sampled position, one per pole, all (poles,).
 
     decay e^{pT}; newer and older: what one unit of the newer and of the older command adds.
     """

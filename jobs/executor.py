@@ -58,8 +58,8 @@ class Local:
 class Processes:
     """Tasks in processes of their own on this machine, one thread each: for work in Python.
 
-    A process that dies takes the tasks of its fellows along, at most one for each core; they are
-    run again. Raises ValueError for a count below 1.
+    If a process dies, the tasks of the other processes are lost, too, at most one per core; they
+    are run again. Raises ValueError for a count below 1.
     """
 
     def __init__(self, count: int) -> None:

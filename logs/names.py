@@ -138,7 +138,7 @@ PHASES = (("ia", "ib", "ic"), ("iu", "iv", "iw"), ("i_a", "i_b", "i_c"), ("i_u",
 
 
 def _of_phases(own: Mapping[str, str]) -> dict[str, Naming]:
-    """Return the currents of a motor's phases, which alone drive nothing, by two or three of them.
+    """Return a motor's phase currents in groups of two or three; one alone is not a command.
 
     One alone may be that of an armature.
     """

@@ -52,8 +52,8 @@ def read_tdms(path: Path, data: bytes) -> Source:
 class _Ending(io.BytesIO):
     """Bytes that can be read as often as there are bytes, and some: a message takes three at least.
 
-    pyulog goes back by what a message claims to hold, also where the file holds less, and then
-    reads the same for ever.
+    pyulog seeks back by the length that a message claims, even if the file is shorter, and then
+    reads the same bytes for ever.
     """
 
     def __init__(self, data: bytes) -> None:

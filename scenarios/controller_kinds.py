@@ -133,7 +133,7 @@ def _value(table: Table, key: str, kind: object, files: Files) -> object:
 
 
 def _array(table: Table, key: str, files: Files) -> Floats:
-    """Numbers in place, or a text that names a file of them: .npy, else one number a line."""
+    """Numbers in place, or a text that names a file of them: .npy, else one number per line."""
     try:
         name = table.text(key)
     except TableError:

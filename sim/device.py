@@ -305,7 +305,7 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
 
 
 def has_room(effect: Effect, masses: int) -> bool:
-    """Whether a device of so many masses, its effects' included, may have another effect.
+    """Whether a device with this many masses, its effects' included, may have another effect.
 
     With filtered readings this holds if each filter has a reading.
     """

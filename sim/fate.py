@@ -113,7 +113,7 @@ class Conditions(NamedTuple):
     dither: Dither | None = None
 
     def of_interface(self, field: str) -> Floats:
-        """Return a number of the interface, one a run."""
+        """Return a number of the interface, one per run."""
         values = [float(getattr(device.interface, field)) for device in self.devices]
         return np.array(values)[self.which]
 

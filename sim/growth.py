@@ -16,7 +16,7 @@ and not as growing before it stands out of the rounding.
 
 Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
 slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
-cycle: its amplitude hardly changes over the last half, and what slope there is is not significant.
+cycle: its amplitude hardly changes over the last half, and any slope is not significant.
 (Slow growth hardly changes it either, but its slope is significant.)
 
 A window that is shorter than a cycle shows neither the energy nor the amplitude of the cycle. If
@@ -76,7 +76,7 @@ def window_weights(ticks: int) -> Floats:
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of an ensemble's runs, one value a run (runs,).
+    """Growth of an ensemble's runs, one value per run (runs,).
 
     verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided, the one that
     grows, else the one that decays more slowly. amplitude: half the range of m1's position in the

@@ -1,4 +1,4 @@
-"""Eq. (1) of the paper: rigid body times one factor a mode; to the chain and back."""
+"""Eq. (1) of the paper: rigid body times one factor per mode; to the chain and back."""
 
 import math
 from dataclasses import dataclass

@@ -183,7 +183,7 @@ def test_what_is_in_no_library_stands_out() -> None:
 
 
 def test_several_effects_are_of_several_kinds() -> None:
-    """Each effect once, one friction law a mass; breaks where the masses are not looked at."""
+    """Each effect once, one friction law per mass; breaks where the masses are not looked at."""
     device = phantom()
     for seed in range(200):
         random = np.random.default_rng(seed)

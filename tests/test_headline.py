@@ -214,8 +214,8 @@ def test_where_says_what_the_map_shows():
         maps=(force_map("m1", "velocity", 880.0), force_map("m1", "time"), force_map("m1", "q", 9)),
     )
     assert where(both, 1) == (
-        "what the missing force depends on is not decided here: forces at the motor over time or"
-        " velocity describe it about equally well"
+        "the recording does not decide what the missing force depends on: forces at the motor"
+        " over time or velocity describe it about equally well"
     )
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")

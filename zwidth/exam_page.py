@@ -293,7 +293,7 @@ def _numbers(found: Mapping[str, Any]) -> str:
     lines = ["# Numbers"]
     if _at_limit(found):
         lines += [
-            "At the limit, intervals of linear parameters hold the truth:"
+            "At the limit, intervals of linear parameters contain the truth:"
             f" {ratio(found['coverage_linear'])}.",
             held_out_line("the device file", share),
             held_out_line("the linear refit", beyond),

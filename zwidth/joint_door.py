@@ -88,7 +88,8 @@ def diagnose_joints(
     ]  # fmt: skip
     console.table("\nAll joints; error of free runs on held-out data", columns, rows)
     alike = {"recording": [{"recording": f, "device": j} for j, f in files.items()]}
-    console.say(f"wrote {write_text(listing, tomli_w.dumps(alike))}, for joints that are alike")
+    written = write_text(listing, tomli_w.dumps(alike))
+    console.say(f"wrote {written}, a fleet if the joints are alike")
     console.result({"joints": results, "still": list(joints.still)})
     if interrupted:
         raise KeyboardInterrupt

@@ -77,7 +77,7 @@ def answered(
         findings, refit, stands.left, stands.other, stands.sound, free, bad, level,
         lost=" and ".join(lost), faults=stands.faults, masses=device.chain.masses.size,
     )  # fmt: skip
-    with stage("a law of no name"):
+    with stage("an unnamed law"):
         law, instead, halted = _law(device, stands, facts, say)
     facts = replace(facts, law=law, instead=instead)
     if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS:
@@ -140,10 +140,10 @@ def _law(
     try:
         asked = Asked(device, by, stands.taken.judge_by, say)
         if named:
-            told = attempt("learn", "a law of no name", partial(beside_names, asked, free))
+            told = attempt("learn", "an unnamed law", partial(beside_names, asked, free))
             law, instead = told or (None, False)
             return law, instead, False
-        law = one = attempt("learn", "a law of no name", partial(learned, asked, free))
+        law = one = attempt("learn", "an unnamed law", partial(learned, asked, free))
         two = partial(learned_over_two, asked, free, one)
         law = attempt("learn", "a law over two states", two) or one
     except KeyboardInterrupt:

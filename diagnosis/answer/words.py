@@ -333,7 +333,7 @@ def _fault(fault: Fault) -> str:
 def why(f: Facts) -> str:
     """Return the reason for the verdict; a sentence without its full stop."""
     because, free, doubtful = reason(f), f.free, f.doubtful
-    law = "" if f.law is None else f"learned from what is left: {f.law.sentence}"
+    law = "" if f.law is None else f"learned from the remaining error: {f.law.sentence}"
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
     match because:
         case Reason.LOST:
@@ -446,8 +446,8 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}what the missing force depends on is not decided here: forces"
-            f" {at} over {listed(states, 'or')} describe it about equally well"
+            f"{densest(located.state)}the recording does not decide what the missing force depends"
+            f" on: forces {at} over {listed(states, 'or')} describe it about equally well"
         )
     like = "changes with time" if top.against == "time" else f"follows the {top.against}"
     return (

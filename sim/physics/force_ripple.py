@@ -29,7 +29,7 @@ SEEN = 1.5  # waves in the travel, at least: a line, a square and a cube bend as
 
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    """A start must lie within a fraction of a wave over all travel.
+    """A starting value must stay within a fraction of a wave over the whole travel.
 
     The residual's own spectrum (`zwidth.diagnosis.seeking.waves`) shows the shorter ones.
     """

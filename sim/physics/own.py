@@ -412,7 +412,7 @@ def _declared() -> tuple[dict[str, OwnEffect], dict[str, dict[int, str]], tuple[
             own, law = read_own(file, text, code)
             if own.effect.name in found:
                 raise TableError(
-                    f"name is {own.effect.name!r}, as in {found[own.effect.name].file}"
+                    f"name is {own.effect.name!r}, which {found[own.effect.name].file} also uses"
                 )
         except ValueError as error:
             wrong.append(f"{file}: {error}")
