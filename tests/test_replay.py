@@ -342,7 +342,7 @@ def test_your_own_law_and_its_source(tmp_path: Path):
     first = result.first_difference
     assert first is not None
     assert first.channel == "command"
-    with pytest.raises(ScenarioError, match=r"which is built in; leave yours out"):
+    with pytest.raises(ScenarioError, match=r"which is built in; leave your function out"):
         replay(log_of("wall", tmp_path), integral)
 
 
