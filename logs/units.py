@@ -1,4 +1,4 @@
-"""Units that recordings are written in, and what each is in SI."""
+"""Units in which recordings are written, and the value of each in SI."""
 
 import math
 import re

@@ -56,7 +56,9 @@ def read_controller(table: Table, files: Files, step: Step | None = None) -> Con
     if kind not in KINDS:
         raise TableError(f"{table.path}.kind is {kind!r}; {nearest(kind, [*KINDS, USER])}")
     if step is not None:
-        raise TableError(f"{table.path}.kind is {kind!r}, which is built in; leave your function out")
+        raise TableError(
+            f"{table.path}.kind is {kind!r}, which is built in; leave your function out"
+        )
     factory = KINDS[kind]
     arguments = inspect.signature(factory, eval_str=True).parameters
     table.only(("kind", *arguments))

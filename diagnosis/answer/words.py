@@ -316,7 +316,7 @@ def parameter_in_words(name: str, unit: str) -> str:
 
 
 def _fault(fault: Fault) -> str:
-    """What is wrong with a recording; what to do about it is said in the report."""
+    """What is wrong with a recording; the report says what to do about it."""
     if not fault.channels:
         return fault.sentence
     command = fault.channels == COMMAND
@@ -408,7 +408,7 @@ def _one_regime(f: Facts) -> str:
 
 
 def _inadequate(sound: Adequacy) -> str:
-    """How far an answer goes that held-out data do not confirm."""
+    """How well an answer predicts that held-out data do not confirm."""
     if sound.sound:
         return "the named effects predict held-out data no better than the refitted device does"
     worst = max(sound.ahead, key=lambda a: a.error / a.most)

@@ -179,7 +179,7 @@ class Experiment:
 
     @property
     def own_names(self) -> list[str]:
-        """Names of the values that are its own (`model.own_values`): of parameters, of origins."""
+        """Names of the values of its own (`model.own_values`): of parameters and origins."""
         own = [f"{target} in {word}" for target, word in self.own]
         further = [o.mass + 1 for o in self.outputs if o.tells_position and o.mass > 0]
         zeros = [f"zero_m{mass} in {self.name}" for mass in dict.fromkeys(further)]
@@ -303,7 +303,7 @@ class Experiment:
         return found
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
-        """Return the first share of what happens, to fit, and the rest, to judge.
+        """Return the first share of the motion, for the fit, and the rest, which judges it.
 
         Pauses do not count, since a recording that ends in one would otherwise be judged by
         nothing.

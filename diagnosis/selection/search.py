@@ -652,7 +652,7 @@ def _stands(
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
-    """Whether a complete fit may bring a hypothesis near the best, which is no part of it.
+    """Whether a complete fit may bring a hypothesis near the best one, without being a part of it.
 
     A hypothesis that costs more by a large share of everything the best explains does not
     (`PURSUIT.lagging`). One that contains all effects of the best and more costs less in the end,

@@ -1,8 +1,8 @@
 """The result of a search, as later stages of the diagnosis use it.
 
-If the family of noise models contains the truth, the next sample contains all information of a
-recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free runs
-of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
+If the family of noise models contains the truth, errors one sample ahead contain all information of
+a recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free
+runs of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
 family is true, and errors further ahead judge differently: filters, clocks and bristles show best
 in the next sample, where the remainder of friction looks like noise of a slow colour. So the search
 is repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`),

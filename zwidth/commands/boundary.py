@@ -93,7 +93,7 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               show_default=True, help="Smallest force of dither that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
-              " the skin, of a rotary device at its --lever.")  # fmt: skip
+              " the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Also show the band of K_CR when a finger holds the last"
               " mass.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),

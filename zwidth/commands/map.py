@@ -78,7 +78,7 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("perceptible_position", "--felt-position", "--perceptible-position",
               type=Quantity("rad | m", above=True),
               help="Smallest amplitude of dither that a hand feels. Default: the threshold of"
-              " vibration on the skin, of a rotary device at its --lever.")  # fmt: skip
+              " vibration on the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
