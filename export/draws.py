@@ -91,7 +91,7 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
 
 
 def _shares(device: Device) -> Posterior:
-    """Return what the shares of [uncertainty] say, each number by itself."""
+    """Return the standard deviations from [uncertainty], each number independent."""
     known = device.uncertainty
     shares = {"m": known.masses, "k": known.springs, "b": known.dampers}
     numbers = numbers_of_device(device)

@@ -45,7 +45,7 @@ STRENGTHS = tuple(10.0**k for k in np.arange(-4.0, 10.1, 0.5).tolist())  # with 
 
 
 class KnownTorque(NamedTuple):
-    """torque [N m | N] (samples,) on the joint; said: what it is made of, what it leaves out."""
+    """torque [N m | N] (samples,) on the joint; said: what it includes and leaves out."""
 
     torque: Floats
     said: str

@@ -72,9 +72,9 @@ STRUCTURE = ("ground_spring", "extra_mode", "position_servo")
 
 
 def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
-    """Sort a device's mechanism and effects; also: effects that the format has words for besides.
+    """Sort a device's mechanism and effects; also: further effects that the format can describe.
 
-    What is among `also` comes back in `others`, the interface is left to the format.
+    Effects in `also` are returned in `others`; the interface is left to the format.
     """
     lost: list[str] = []
     kept: list[Physics] = []
@@ -126,7 +126,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
 
 
 def interface_lost(device: Device, delay: bool, limit: bool, lost: list[str]) -> Device:
-    """Add what of the interface cannot be exported; return the device with what is.
+    """Add the parts of the interface that cannot be exported; return the device with the others.
 
     delay, limit: whether the format holds them.
     """

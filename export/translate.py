@@ -148,7 +148,7 @@ class Translator:
         return head + self.lines
 
     def _drop_unread(self) -> None:
-        """Leave out what is computed and never asked for."""
+        """Leave out values that are computed and never used."""
         while True:
             asked: set[str] = set()
             for line in self.lines:

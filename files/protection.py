@@ -114,7 +114,7 @@ def reading(path: Path, why: str = INPUT) -> Path:
 
 
 def check(*paths: Path) -> None:
-    """Raise Protected for the first path that may not be written now, or that stands there twice.
+    """Raise Protected for the first path that may not be written now, or that is given twice.
 
     Commands call it for all that they will write as soon as they have read their inputs.
     """

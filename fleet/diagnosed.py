@@ -69,7 +69,7 @@ def diagnose_fleet(
     device: what is known about them; work: folder that keeps results, so that a rerun continues and
     a new recording costs only itself; runner: where tasks run, None for here; effort: of the search
     for the structure; advance: called with the stage, how many are done, and of how many. Raises
-    ValueError if fewer than three recordings can be used, or none follows the device.
+    ValueError if fewer than three recordings can be used, or the device predicts none.
     """
     runner = Local() if runner is None else runner
     kept = Kept(work, device, effort)

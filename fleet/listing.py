@@ -76,8 +76,8 @@ def is_fleet(path: Path) -> bool:
 def listed(path: Path) -> list[Listed]:
     """Return the recordings of a folder or a table, in order of their names.
 
-    Raises ValueError with one sentence: no recording, one that is not there or stands twice, a
-    value or a date that is none.
+    Raises ValueError with one sentence: no recording, one that is missing or listed twice, or an
+    invalid value or date.
     """
     if path.is_dir():
         table = next((path / name for name in TABLES if (path / name).is_file()), None)

@@ -89,7 +89,7 @@ class Reason:
 
     @property
     def recording(self) -> bool:
-        """Whether the recording is at fault and says nothing of the device as it is."""
+        """Whether the recording has a fault, and shows nothing about the present device."""
         return self.kind not in ("changed_within", "other_device", "other_physics")
 
 
@@ -262,7 +262,7 @@ def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = (
 
 
 def _own(question: Question, h: Hypothesis, e: Experiment) -> Iterator[tuple[float, Reason]]:
-    """Parameters of its own: each alone, those that stand out together, and all."""
+    """Parameters with other values: each alone, those that stand out together, and all."""
     units = names_of(question.structure)
     names = list(units)
     values, _, _ = estimates(h)

@@ -34,7 +34,7 @@ class Member:
 
     @property
     def pooled(self) -> bool:
-        """Whether it has a part in what is said of the fleet."""
+        """Whether it is used for the result of the fleet."""
         return self.reason is None and not self.quick.problem
 
 

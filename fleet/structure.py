@@ -159,7 +159,7 @@ def _open(device: Device) -> Uncertainty:
 def informative(
     device: Device, experiments: Sequence[Experiment], devices: Sequence[str], count: int
 ) -> list[int]:
-    """Return the places of so many recordings that say most, of different devices where there are.
+    """Return the indices of the most informative recordings, of different devices if possible.
 
     Raises NoObserver where none can be followed with the device.
     """
@@ -256,7 +256,7 @@ def _fitted(e: Experiment, model: Model, x: Floats) -> Hypothesis | None:
 
 
 def _cost(each: Sequence[Hypothesis | None], plain: Sequence[Hypothesis | None]) -> float:
-    """What a structure costs over recordings; one that says nothing of it stays without it."""
+    """The cost of a structure over recordings; one that does not show it is fitted without it."""
     total, rarity = 0.0, 0.0
     for h, without in zip(each, plain, strict=True):
         own = math.inf if h is None else h.cost.misfit + h.cost.freedom

@@ -76,7 +76,7 @@ class _FreeRuns:
 
 
 def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
-    """Return where the drive gave nothing, None where it always did; raises NoObserver."""
+    """Return the stretch without a force of the drive, None for none; raises NoObserver."""
     error = _FreeRuns(e, model, x).error
     on, size = error(0, 0)
     if not on > LOST * size > 0.0:

@@ -191,7 +191,7 @@ class Windows:
         return self._only(~judged), self._only(judged)
 
     def of_one_mass(self) -> "Windows":
-        """Return them as if nothing but the first output were known, and it of m1."""
+        """Return them as if only the first output were known, and belonged to m1."""
         own = self.quantities[0][1]
         keep = [i for i, mass in enumerate(self.at) if i == 0 or mass == own]
         quantities = ((self.quantities[0][0], 0),)
@@ -234,7 +234,7 @@ class Force(NamedTuple):
 
 
 def _forces(motion: Motion, quantities: tuple[tuple[str, int], ...], free: bool) -> list[Force]:
-    """Return the command, and what may act besides by the motion measured.
+    """Return the command, and the further forces that may follow from the measured motion.
 
     The latter of rms one, and of the middle of each sample's period, over which a force is held.
     """

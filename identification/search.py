@@ -102,7 +102,7 @@ class Search:
         return found
 
     def _moved(self, x: Floats) -> Floats | None:
-        """Move the mode that does least to where the error is largest; None if that is worse."""
+        """Move the mode with the least effect to the largest error; None if that is worse."""
         left = Problem(self.data, self.coordinates, x, self.rough).left(x)
         error = smoothed(np.abs(left) ** 2 / self.rough)
         model, delay = self.coordinates.model(x)

@@ -36,7 +36,7 @@ TORN, SPOKEN = 0.01, 0.1  # of the rows, that may be spoiled, and that may be wo
 
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
-    """Return the columns of a text table; raises RecordingError where it is none."""
+    """Return the columns of a text table; raises RecordingError if it is not one."""
     text = decoded(path, data)
     notes: list[str] = []
     if options == NOTHING_SAID and (table := table_of(text)) is not None:

@@ -160,7 +160,7 @@ def _are_units(names: Sequence[str], cells: Sequence[str]) -> bool:
 
 
 def _is_of_groups(upper: Sequence[str], lower: Sequence[str]) -> bool:
-    """Return whether names stand twice, under the names of what they are of: joint1 over pos, vel.
+    """Return whether there are two lines of names, such as joint1 over pos and vel.
 
     A group may be named once, over its first column.
     """

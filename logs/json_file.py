@@ -65,7 +65,7 @@ def _lines(text: str, whole: ValueError, notes: list[str]) -> list[Any]:
 
 
 class _Parts(Collector):
-    """A collector of what stands in nested objects and lists."""
+    """A collector of the signals in nested objects and lists."""
 
     def walk(self, name: str, value: object, depth: int) -> None:
         """Take a value and all within it."""

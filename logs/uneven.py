@@ -51,7 +51,7 @@ class Scatter:
 
 
 def scatter(trace: Trace, outputs: Sequence[str]) -> Scatter | None:
-    """Return how far uneven stamps show in outputs; None where stamps are even, or too few."""
+    """Return how clearly the outputs show uneven stamps; None if stamps are even, or too few."""
     t = trace.t
     if t.size < FEWEST:
         return None

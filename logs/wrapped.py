@@ -29,7 +29,7 @@ NEAR = 0.01  # of M, within which a turn or a whole counter is meant
 
 
 def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
-    """Return a counter (samples,) of known modulus as one that goes on, and how often it wraps.
+    """Return a counter (samples,) of known modulus without its wraps, and how many there were.
 
     The least of the steps that two readings may be apart is taken, less than half of the modulus;
     over a gap it is that between the readings around it.
@@ -41,7 +41,7 @@ def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
 
 
 def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace whose positions go on, and a sentence on those that did not; "" for none."""
+    """Return a trace with continuous positions, and a sentence on the wraps; "" for none."""
     said: list[str] = []
     channels = dict(trace.channels)
     for channel in positions:

@@ -62,7 +62,7 @@ class Reference:
 
     @cached_property
     def starts(self) -> list[Start]:
-        """Every effect at every place that the device could have besides, with shapes."""
+        """Every further effect at every place that the device could have, with shapes."""
         return candidates(self.device, self.experiments)
 
     def off(self, *effects: str) -> Complement:

@@ -101,7 +101,7 @@ def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Obse
 
 
 def noise_of(device: Device, experiment: Experiment, observer: Observer) -> Noise:
-    """Return the noise that an observer stands for: the inverse of `known_observer`."""
+    """Return the noise for which an observer is optimal: the inverse of `known_observer`."""
     unit = known_observer(
         device.with_interface(encoder_step=0.0), experiment, _of_ratio(device, experiment, observer)
     )

@@ -341,7 +341,7 @@ def too_few_substeps(
     counts: Sequence[int],
     durations: Sequence[float],
 ) -> str | None:
-    """Say what is wrong with substeps so long that a held force may come out as its contrary."""
+    """Say that substeps are so long that a held force may act in the opposite direction."""
     if not any(_too_long(plant, dry, h) for c, h in zip(counts, durations, strict=True) if c > 0):
         return None
     return (

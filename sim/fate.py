@@ -91,7 +91,7 @@ class Dither(NamedTuple):
 
     @classmethod
     def unknown(cls, walls: int, steps: float = FEW) -> "Dither":
-        """Return what is said of walls whose linear loop is not known."""
+        """Return the dither of walls whose linear loop is not known."""
         return cls(np.full(walls, steps), np.zeros(walls, dtype=bool), np.zeros(walls, dtype=bool))
 
 
@@ -118,7 +118,7 @@ class Conditions(NamedTuple):
         return np.array(values)[self.which]
 
     def dither_of(self, asked: Flags) -> Dither:
-        """Return what steps keep up for the runs that are asked for, `FEW` for the others."""
+        """Return the amplitude that steps sustain for the selected runs, `FEW` for the others."""
         if self.dither is not None:
             return self.dither
         found = Dither.unknown(self.which.size)
@@ -132,7 +132,7 @@ class Conditions(NamedTuple):
 
 
 def rest_amplitude(device: Device, start: float) -> float:
-    """Return the amplitude below which an oscillation is none: 1e-3 of its start, 0.02 steps."""
+    """Return the amplitude below which a run counts as at rest: 1e-3 of its start, 0.02 steps."""
     step = device.interface.encoder_step
     rest = REST_OF_START * abs(start)
     return min(rest, REST_OF_STEP * step) if step > 0.0 else rest

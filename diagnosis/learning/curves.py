@@ -328,7 +328,7 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line fits as well, which is a spring, a damper or a constant: dropped")
+    say("a straight line (spring, damper or constant) fits as well: law dropped")
     return True
 
 

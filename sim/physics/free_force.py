@@ -185,7 +185,7 @@ def states_over(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
-    """Raise ValueError unless a law follows different states that there are, so many of them."""
+    """Raise ValueError unless a law has the right number of different, known states."""
     if len(over) not in allowed:
         many = " or ".join(("one", "two")[n - 1] for n in allowed)
         raise ValueError(f"over has {len(over)} states; name {many} of {', '.join(STATES)}")
@@ -328,7 +328,7 @@ def _row(c, p, i):
 
 @part
 def _counts(s, p, k):
-    """What each of the `SIZE` points of an axis counts at s; they stand from p[k] on.
+    """The weight of each of the `SIZE` points of an axis at s; they begin at p[k].
 
     The share of a step is whole when the interval after it has been looked at. Each count comes in
     from the right, so that after all of them the first one stands first.
@@ -367,6 +367,6 @@ def _bend(x, before, width, after):
 
 @part
 def _share(width, beside):
-    """The share that the slope beside an interval has of the tangent between them."""
+    """The weight of the neighbouring slope in the tangent between two intervals."""
     there = (width > 0.0) & (beside > 0.0)
     return select(there, width / select(there, width + beside, 1.0), 0.0)

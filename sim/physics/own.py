@@ -349,7 +349,7 @@ def _sought(
     magnitudes = [p for p in parameters if p.role == "magnitude"]
 
     def all_of(z: Sizes, place: Place) -> float:
-        """What it is held against: the force, or of a reading the motion."""
+        """The reference for its size: the force or, for a sensor, the motion."""
         return z.position if enters == "sensor" else z.force
 
     def unit_size(z: Sizes, place: Place, p: Parameter, others: Values) -> float:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
               help="Check this MJCF or URDF model of the robot, run by MuJoCo, instead of DEVICE,"
               " against the band of DEVICE.")  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to check, in a LOG with several and in --model.")  # fmt: skip
+              help="The joint to check, if a LOG has several; also that of --model.")  # fmt: skip
 @click.option("--diagnose", "search", is_flag=True,
               help="If a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
               " does; this takes minutes.")  # fmt: skip
