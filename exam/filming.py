@@ -27,7 +27,7 @@ LOW_PASS_HZ = (20.0, 200.0)
 
 @dataclass(frozen=True)
 class Camera:
-    """How a machine is seen.
+    """How a machine is recorded.
 
     outputs: channels, such as position_m1. cutoff_hz: of the low-pass of velocities, infinite for
     mere differences. reading: rms noise before an encoder counts; process: rms of a force on m1

@@ -202,7 +202,7 @@ def _too_few(s: Mapping[str, Any]) -> bool:
 
 
 def _goals(found: Mapping[str, Any]) -> str:
-    return "## Asked and reached\n\n" + table(("asked", "goal", "seen", "reached"), goals(found))
+    return "## Goals and results\n\n" + table(("asked", "goal", "seen", "reached"), goals(found))
 
 
 def _magnitudes(found: Mapping[str, Any], pictures: Mapping[str, str]) -> str:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class Reason(Enum):
     """Why a verdict is what it is; the first that holds decides."""
 
-    LOST = "an error lost a result that the verdict needs"
+    LOST = "an internal error prevented a result that the verdict needs"
     ONE_LAW = "one learned law explains it better than several named effects"
     OTHER = "unknown physics explains more than a named effect"
     LEFT = "a force without a name remains"

@@ -187,7 +187,7 @@ class Experiment:
 
     @property
     def switched_off(self) -> bool:
-        """Whether the drive is off in some of it."""
+        """Whether the drive is off in a part of it."""
         return self.strengths is not None and bool(np.any(self.strengths == 0.0))
 
     def strengths_in(self, part: slice) -> Floats | None:

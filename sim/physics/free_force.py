@@ -91,7 +91,8 @@ class Grid(NamedTuple):
 
 
 def over_parameters(first: str, second: str, alone: bool) -> tuple[Parameter, Parameter]:
-    """Return which states a law is over, by what has them; alone: the second may be none."""
+    """Return the states on which a law depends, from its values; alone: a second one is
+    optional."""
     last = len(STATES)
     codes = ", ".join(f"{i + 1} {name}" for i, name in enumerate(STATES))
     none, least_of = ("0 none, ", 0.0) if alone else ("", 1.0)
