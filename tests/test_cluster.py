@@ -248,7 +248,7 @@ def test_workers_that_all_leave_are_one_sentence(
         leave = Interference(tmp_path, lambda: one.scale(0))
         with (
             Cluster(one.scheduler_address, patience=0.5) as runner,
-            pytest.raises(OSError, match=r"all workers of tcp://.* are gone for 0\.5 s"),
+            pytest.raises(OSError, match=r"all workers of tcp://.* have been gone for 0\.5 s"),
         ):
             make_map(plane(), COARSE, LEVELS, tmp_path, leave, runner=runner)
         monkeypatch.setattr(cluster, "ANSWER_WITHIN", 1.0)

@@ -91,8 +91,7 @@ class Grid(NamedTuple):
 
 
 def over_parameters(first: str, second: str, alone: bool) -> tuple[Parameter, Parameter]:
-    """Return the states on which a law depends, from its values; alone: a second one is
-    optional."""
+    """Return the states of a law, from its values; alone: a second one is optional."""
     last = len(STATES)
     codes = ", ".join(f"{i + 1} {name}" for i, name in enumerate(STATES))
     none, least_of = ("0 none, ", 0.0) if alone else ("", 1.0)
