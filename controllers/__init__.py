@@ -1,1 +1,1 @@
-"""One control law a file: virtual wall, recorded command, none, relay, excitation."""
+"""One control law per file: virtual wall, recorded command, none, relay, excitation."""

@@ -1,4 +1,4 @@
-"""Test signals for identification, each one command a tick, played by `controllers.recorded`.
+"""Test signals for identification, one command per tick, played by `controllers.recorded`.
 
 Defaults are the paper's: 0.7 to 300 Hz over 30 s at 1 kHz. Amplitudes are in the command's unit
 [N m | N]. All random signals come from a seed.

@@ -1,7 +1,7 @@
 """A virtual wall with a passivity observer and a passivity controller (`sim/wall_law.py`).
 
-m[1] is the observer's energy [J]. Without delay, and with nothing of the amplifier in between, it
-equals, to rounding, the energy that the command has taken out of the device (`wall` in the ledger).
+m[1] is the observer's energy [J]. Without delay, and if the amplifier changes nothing, it equals,
+to rounding, the energy that the command has taken out of the device (`wall` in the ledger).
 """
 
 from functools import cache

@@ -1,4 +1,4 @@
-"""A recorded command, one value a tick; after its end the command is zero."""
+"""A recorded command, one value per tick; after its end the command is zero."""
 
 from functools import cache
 from typing import Any
@@ -27,6 +27,6 @@ def recorded(commands: NDArray[np.float64]) -> Controller:
     values = np.ascontiguousarray(commands, dtype=np.float64)
     if values.ndim != 1:
         raise ValueError(
-            f"recorded commands have shape {values.shape}; one value a tick is allowed"
+            f"recorded commands have shape {values.shape}; one value per tick is allowed"
         )
     return Controller("recorded", _compiled(), values)

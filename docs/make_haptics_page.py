@@ -72,7 +72,7 @@ are simulated here, in the device file or as a law of the walls, by `boundary`, 
 `simulate`; the tests compare each with a closed form.
 
 Every picture and number below is made by `python docs/make_haptics_page.py`. The device is the
-PHANToM of the paper, with its 2 ms of delay where nothing else is said. Lines are theory, dots are
+PHANToM of the paper, with 2 ms of delay unless another value is given. Lines are theory, dots are
 simulations.
 
 ## Velocity filters
@@ -122,21 +122,21 @@ s/rad:
 
 [[rates]]
 
-(No amplifier reaches some of these; they say what sampling would allow.) Without delay a slow
-world with a fast damper still renders stiff walls; with a slow velocity it does not, however fast
-the spring is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d), and
-from t_d = 2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, J.
-Computing and Information Science in Engineering 9, 011005, 2009).
+(No real amplifier can render some of these; they are limits of sampling alone.) Without delay a
+slow world with a fast damper still renders stiff walls; with a slow velocity it does not, however
+fast the spring is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d),
+and from t_d = 2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger,
+J. Computing and Information Science in Engineering 9, 011005, 2009).
 
-Why slow the velocity down? With an encoder step q a damper's command chatters by B q / T_v,
-however even the motion. With q = 1e-4 rad and B = 0.02 N m s/rad:
+Why slow the velocity down? With an encoder step q the command of a damper chatters by B q / T_v,
+even in a smooth motion. With q = 1e-4 rad and B = 0.02 N m s/rad:
 
 [[chatter]]
 
 The largest B with the same chatter therefore grows with T_v: tenfold from 20 to 2 kHz. Koul,
 Manivannan and Saha measured this gain (J. Intelligent & Robotic Systems 91, 2018): with position
 and velocity at 20 kHz walls end at about 0.1 N m s/rad, with the velocity at 2 kHz at 1 N m s/rad.
-Their device is not simulated here.
+The device of Koul et al. is not simulated here.
 
 ## A passivity observer and controller
 
@@ -145,7 +145,7 @@ Their device is not simulated here.
 
 ![A wall of three times the critical stiffness; the gain over the delay](haptics/guarded.png)
 
-An unstable wall gives more energy than it took. The observer of Hannaford and Ryu (IEEE T.
+An unstable wall returns more energy than it received. The observer of Hannaford and Ryu (IEEE T.
 Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the tick that
 would give too much. For a held command without delay the count is exact: it equals the entry
 `wall` of the energy balance up to rounding (`tests/test_wall_laws.py`). The gain is large without
@@ -156,9 +156,9 @@ itself:
 [[guard]]
 
 Where that damping is not enough for a tick, the wall still gives a little energy (middle). More
-damping does not help: what the controller adds counts towards the damping that a sampled loop
-bears, and the map at the end of this page shows walls lost at large B. A passive wall is not
-changed. In a scenario this controller is `kind = "guarded"`.
+damping does not help: the damping that the controller adds counts towards the largest damping at
+which a sampled loop is stable, and the map at the end of this page shows walls lost at large B. A
+passive wall is not changed. In a scenario this controller is `kind = "guarded"`.
 
 ## Textures and regions of damping
 
@@ -241,17 +241,17 @@ damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 ![Shapes of the boundaries, and ratios to the difference](haptics/paddle_shapes.png)
 
-Known of another teaching paddle are its firmware (350 us, 4096 counts a turn of the motor, ratio
-15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN m),
-and two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at 45
-ms on a Hall sensor. Its measured walls were not known when this was computed.
+Of another teaching paddle these are known: its firmware (350 us, 4096 counts per turn of the motor,
+ratio 15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN
+m), and two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at
+45 ms on a Hall sensor. Its measured walls were not known when this was computed.
 
 The rest is drawn at random. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4).
-Delay: 0.3 to 2 periods. Damper: what the first gain (known to 20 %) asks for beside friction. Tap:
-2 to 30 mrad. Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings, a band of 1 or 2
-counts. Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration. Kalman: constant
-velocity or acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are left out.
-Intervals hold 90 % of the draws:
+Delay: 0.3 to 2 periods. Damper: the value that the first gain (known to 20 %) requires in addition
+to friction. Tap: 2 to 30 mrad. Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings,
+a band of 1 or 2 counts. Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration.
+Kalman: constant velocity or acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are
+left out. Intervals hold 90 % of the draws:
 
 [[paddle]]
 
@@ -333,7 +333,7 @@ def said_of_filters(found: dict[str, Sweep]) -> str:
     assert very is not None
     top = f"{very.stiffness:.1f}"
     head = "| order of the filter | best cut-off, simulated | by theory |"
-    head += " Z-width, times none | K_max |\n"
+    head += " Z-width relative to no filter | K_max |\n"
     return (
         head + "|---|---|---|---|---|\n" + "\n".join(rows)
         + f"\n\nK_max in N m/rad at the dampings tried; without a filter {bare.stiffest:.1f} ({top}"
@@ -561,8 +561,9 @@ def draw_textures() -> str:
     )
     return _said(
         f"The amplitudes are within {100.0 * worst:.1f} % of the describing function's. With the"
-        f" hand of four modes the last damping that is stable at K = 0 is {last / b:.3f} b; alone,"
-        f" a device of 1e-3 kg m2 bears {alone or 0.0:.2f} N m s/rad, {(alone or 0.0) / b:.0f} b."
+        f" hand of four modes the largest damping that is stable at K = 0 is {last / b:.3f} b;"
+        f" without a hand, a device of 1e-3 kg m2 is stable up to {alone or 0.0:.2f} N m s/rad,"
+        f" {(alone or 0.0) / b:.0f} b."
     )
 
 
@@ -599,8 +600,8 @@ def draw_hands_of() -> str:
         axes.legend(frameon=False, fontsize=8)
     save(figure, "hands")
     return _said(
-        f"At B = 0 a free device bears {theory(device, np.zeros(1))[0]:.3g} N m/rad, 95 % of"
-        f" {HANDS} fingers at a lever of {1e3 * LEVER:g} mm {low[0]:.3g}, half of them"
+        f"At B = 0 a free device is stable up to {theory(device, np.zeros(1))[0]:.3g} N m/rad,"
+        f" 95 % of {HANDS} fingers at a lever of {1e3 * LEVER:g} mm {low[0]:.3g}, half of them"
         f" {median[0]:.3g}, 5 % {high[0]:.3g}."
     )
 
@@ -714,9 +715,10 @@ def draw_maps(found: Sequence[tuple[str, FateMap]]) -> str:
     before, after = share["no delay"], share["no delay, passivity controller"]
     return _said(
         f"With the passivity controller {100.0 * after:.0f} % of the plane comes to rest, without"
-        f" it {100.0 * before:.0f} %: it fills the corner of small B, where the plain wall has"
-        " nothing to spend, and takes a little where B is large. In a grating what is unstable for"
-        " its K oscillates in its trough; what is unstable for its B grows, as without one."
+        f" it {100.0 * before:.0f} %: it adds walls at small B, where the plain wall has no"
+        " damping to spare, and loses a few at large B. In a grating, a wall whose K is too large"
+        " oscillates in the trough; a wall whose B is too large grows without bound, as without a"
+        " grating."
     )
 
 

@@ -297,14 +297,14 @@ the linearly unstable part that rest, and that grow. The rest of the unstable pa
 
 ## How the answers are found
 
-A run is judged after 4 s and, if that is not enough, after up to 16 s. It rests if its amplitude
+A run is judged after 4 s and, if that is not enough, after up to 16 s. A run rests if its amplitude
 stays below 1e-3 of the start and 0.02 of a step. It dithers if it neither falls nor rises, and is
 no larger than what steps alone can keep up: 32 steps, or more where a describing function allows it
 (`sim/fate.py` has the derivation). It grows if its energy does, if its command swings from limit to
-limit, or if it settles on a larger oscillation. With steps of 1e-5, 1e-4 and 1e-3 rad {AGAIN}
-points each were judged again over {LONG_S:g}\u00a0s: {judged_again(found)} keep their outcome.
-Cells whose corners agree are filled in; at a step of 1e-4 rad {percent(unlike_in_full(found))} of
-the points differ from a full lattice, near ragged edges.
+limit, or if it settles on a larger oscillation. For encoder steps of 1e-5, 1e-4 and 1e-3 rad,
+{AGAIN} points each were judged again over {LONG_S:g}\u00a0s: {judged_again(found)} keep their
+outcome. Cells whose corners agree are filled in; at a step of 1e-4 rad
+{percent(unlike_in_full(found))} of the points differ from a full lattice, near ragged edges.
 """
 
 

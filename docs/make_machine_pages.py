@@ -133,7 +133,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     """Return what was found, as a section of the page."""
     lines = ["```sh", command(MACHINES[name]), "```", "", f"**{found.headline}.**", ""]
     lines += [f"Verdict: `{found.verdict.value}`.", ""]
-    lines += ["| effect | values with 95 % | sigma |", "|---|---|---|"]
+    lines += ["| effect | values (95 % interval) | sigma |", "|---|---|---|"]
     for f in found.findings:
         values = "; ".join(f"{key} {estimate(value)}" for key, value in f.parameters.items())
         lines.append(f"| `{f.effect}` at {f.at} | {values} | {number(f.separation_sigma)} |")

@@ -387,8 +387,8 @@ def section(p: Prediction) -> str:
         for a, b in itertools.pairwise(p.order)
     )
     text = (
-        f"Order by the median of the largest K, and how often it holds: {', '.join(pairs)}. At B"
-        " = 0 the velocity has no effect, and the four are equal. Of"
+        "Order by the median of the largest K, and in which share of the draws it holds:"
+        f" {', '.join(pairs)}. At B = 0 the velocity has no effect, and the four are equal. Of"
         f" {p.periods_tried[0].size} rigs, with periods of {_said(1e3 * p.periods_tried[0], '.1f')}"
         f" and {_said(1e3 * p.periods_tried[1], '.1f')} ms, those {p.walls.shape[0]} are kept whose"
         f" periods are within {100.0 * NEAR:.0f} % of those given:"

@@ -21,13 +21,13 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 STEP_S = 1e-4  # of the integrator at most; a stiff bristle then bends by microradians
-FEWEST = 4  # steps a tick
+FEWEST = 4  # steps per tick
 LOW_PASS_HZ = (20.0, 200.0)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """How a machine is seen.
+    """How a machine is recorded.
 
     outputs: channels, such as position_m1. cutoff_hz: of the low-pass of velocities, infinite for
     mere differences. reading: rms noise before an encoder counts; process: rms of a force on m1
@@ -80,7 +80,7 @@ def draw_camera(random: np.random.Generator, machine: Machine) -> Camera:
 
 
 def steps_a_tick(period: float) -> int:
-    """Return the integrator's steps a tick."""
+    """Return the integrator's steps per tick."""
     return max(FEWEST, math.ceil(period / STEP_S - 1e-9))
 
 
@@ -102,7 +102,7 @@ def film(scene: Scene) -> Made:
         camera.reading * reading.standard_normal(ticks), states,
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
-        raise RunAway(f"the machine runs away after {done} ticks; conceal something weaker")
+        raise RunAway(f"the simulated motion diverges after {done} ticks; conceal something weaker")
     channels = {"command": commands}
     length, unit = ("rad", "N m") if device.rotary else ("m", "N")
     units = {"command": unit}

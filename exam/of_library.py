@@ -1,8 +1,8 @@
 """Concealing effects of the library, each at its multiple of the limit.
 
-Limits hold on the recording without the effect. An effect may move the device elsewhere (a weight
-that turns it by a radian), so its sigma is computed again on the recording with it. If the two
-differ by half, the rig is discarded.
+Limits hold on the recording without the effect. An effect may change where the device moves (a
+weight that turns it by a radian), so its sigma is computed again on the recording with the effect.
+If the two differ by half, the rig is discarded.
 """
 
 from collections.abc import Sequence

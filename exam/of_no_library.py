@@ -25,7 +25,7 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Made = tuple[Rig, Trace, tuple[Hidden, ...]]
-COARSE = 20  # steps a tick while a strength is sought
+COARSE = 20  # steps per tick while a strength is sought
 
 
 def conceal_outside(

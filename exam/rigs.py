@@ -94,7 +94,7 @@ def with_effects(
 
 
 def _filled(random: np.random.Generator, stage: Stage, found: Sized, count: int) -> bool:
-    """Draw effects until there are so many; return whether there are."""
+    """Draw effects until this many are drawn; return whether that succeeded."""
     for _ in range(REDRAWN * count):
         if len(found) == count:
             break

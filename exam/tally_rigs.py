@@ -100,7 +100,7 @@ def near_truth(m: Mark, fits: Mapping[str, HeldOut]) -> bool | None:
 
 
 def adequacy(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
-    """Return how often the answer's own judgement of itself errs, where it gives one.
+    """Return how often the answer's judgement of its own adequacy is wrong, if it gives one.
 
     An answer is sound if it names everything and nothing else and errs hardly more than the truth
     on held-out data. It is bad if it errs more, whatever it names. Other answers are not counted.

@@ -1,1 +1,1 @@
-"""What was found, for other simulators: C, FMU, MJCF, URDF, SDF, and what each loses."""
+"""Export of a device to other simulators: C, FMU, MJCF, URDF, SDF, and what each loses."""

@@ -70,10 +70,11 @@ def c_source(device: Device, name: str, seed: int = 0) -> Exported:
         device,
         physics=tuple(p for p in device.physics if label_of(p) not in refused),
     )
-    lost = [f"{label} is not held: {reason}" for label, reason in refused.items()]
+    lost = [f"{label} is not exported: {reason}" for label, reason in refused.items()]
     if device.interface.command_hold == "smooth":
         lost.append(
-            "interface.command_hold = smooth is not held: a command that is not yet known cannot be"
+            "interface.command_hold = smooth is not exported: a command that is not yet known"
+            " cannot be"
             " interpolated, it is held over each tick"
         )
     force, length = ("N m", "rad") if device.rotary else ("N", "m")

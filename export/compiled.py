@@ -36,7 +36,7 @@ def compiler() -> str | None:
 
 
 def run_c(text: str, name: str, commands: Floats, flags: tuple[str, ...] = FLAGS) -> Floats:
-    """Compile a C export of this name and return what it reads under commands (ticks,).
+    """Compile a C export of this name and return its readings under commands (ticks,).
 
     Raises ValueError where there is no compiler or it refuses the text.
     """

@@ -31,7 +31,7 @@ def description(
 ) -> tuple[str, str]:
     """Return the XML, and the token by which an importer says that it has read it.
 
-    period [s]: of the device; source: of which the token is made, as of all that stands here.
+    period [s]: of the device; source: from it and from this description the token is computed.
     """
     root = _model(title, name, about, period, variables, TOKEN)
     token = "{" + str(uuid.uuid5(SPACE, source + _text(root))) + "}"

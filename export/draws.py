@@ -61,7 +61,9 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
     factor = np.array([n.factor for n in own])
     if np.any(factor & (value <= 0.0)):
         name = told.names[int(np.flatnonzero(factor & (value <= 0.0))[0])]
-        raise ValueError(f"{name} is {known[name].value:g}; a posterior of it needs it above 0")
+        raise ValueError(
+            f"{name} is {known[name].value:g}; a posterior scales it by a factor, so it must be > 0"
+        )
     size, turn = np.linalg.eigh(np.array(told.correlation))
     root = turn * np.sqrt(np.maximum(size, 0.0))
     random = np.random.default_rng(seed)
@@ -89,7 +91,7 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
 
 
 def _shares(device: Device) -> Posterior:
-    """Return what the shares of [uncertainty] say, each number by itself."""
+    """Return the standard deviations from [uncertainty], each number independent."""
     known = device.uncertainty
     shares = {"m": known.masses, "k": known.springs, "b": known.dampers}
     numbers = numbers_of_device(device)

@@ -16,11 +16,12 @@ with the lambda for which a spline through every other sample predicts the other
 samples it is doubled (P. Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
 
 Limits: arms are rigid, and joints that were not recorded stay in the zero pose. Gravity is that of
-the recorded posture, in free runs that drift from it too. Accelerations are as good as the
-splines: of a motion of 1 Hz at 1 kHz within 5 % where the encoder's step is a thousandth of it, and
-too small in the first and last hundredth of a recording, where a spline's curvature ends. The error
-of the joint's own acceleration is that of what is measured, too. Springs, dampers and friction of
-other joints are in their motion, which was recorded; tendons between joints are left out.
+the recorded posture, also in free runs that drift away from it. Accelerations are as accurate as
+the splines. For a motion of 1 Hz at 1 kHz they are within 5 % if the encoder's step is a thousandth
+of the amplitude. They are too small in the first and last hundredth of a recording, where the
+curvature of a spline goes to zero. The acceleration of the joint itself has the error of the
+measured position, too. Springs, dampers and friction of other joints are in their motion, which was
+recorded; tendons between joints are left out.
 """
 
 import os
@@ -44,7 +45,7 @@ STRENGTHS = tuple(10.0**k for k in np.arange(-4.0, 10.1, 0.5).tolist())  # with 
 
 
 class KnownTorque(NamedTuple):
-    """torque [N m | N] (samples,) on the joint; said: what it is made of, what it leaves out."""
+    """torque [N m | N] (samples,) on the joint; said: what it includes and leaves out."""
 
     torque: Floats
     said: str

@@ -1,4 +1,4 @@
-"""What formats of joints have words for: masses, dampers, springs, levels of dry friction.
+"""What formats of joints can describe: masses, dampers, springs, levels of dry friction.
 
 Each effect is sorted here once: which part of it such a format can describe, and which it cannot.
 """
@@ -72,9 +72,9 @@ STRUCTURE = ("ground_spring", "extra_mode", "position_servo")
 
 
 def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
-    """Sort a device's mechanism and effects; also: effects that the format has words for besides.
+    """Sort a device's mechanism and effects; also: further effects that the format can describe.
 
-    What is among `also` comes back in `others`, the interface is left to the format.
+    Effects in `also` are returned in `others`; the interface is left to the format.
     """
     lost: list[str] = []
     kept: list[Physics] = []
@@ -96,7 +96,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
         elif name in ("coulomb_friction", *STRUCTURE, *also):
             kept.append(p)
         else:
-            lost.append(f"{label_of(p)} is not held: there are no words for it")
+            lost.append(f"{label_of(p)} is not exported: the format has no words for it")
     for at in dict.fromkeys(p.at for p in constant):
         level = sum(p.values["level"] for p in constant if p.at == at)
         kept.append(make_physics("constant_force", at, level=level))
@@ -126,17 +126,17 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
 
 
 def interface_lost(device: Device, delay: bool, limit: bool, lost: list[str]) -> Device:
-    """Add what of the interface is not held; return the device with what is.
+    """Add the parts of the interface that cannot be exported; return the device with the others.
 
     delay, limit: whether the format holds them.
     """
     face = device.interface
     changes: dict[str, object] = {}
     if face.delay > 0.0 and not delay:
-        lost.append(f"the delay of {1e3 * face.delay:g} ms is not held")
+        lost.append(f"the delay of {1e3 * face.delay:g} ms is not exported")
         changes["delay"] = 0.0
     if np.isfinite(face.command_limit) and not limit:
-        lost.append(f"the command limit of {face.command_limit:g} is not held")
+        lost.append(f"the command limit of {face.command_limit:g} is not exported")
         changes["command_limit"] = np.inf
     for name, said, none in (
         ("encoder_step", "the encoder's step", 0.0),
@@ -146,11 +146,11 @@ def interface_lost(device: Device, delay: bool, limit: bool, lost: list[str]) ->
     ):
         value = getattr(face, name)
         if value != none:
-            lost.append(f"{said}, {value:g}, is not held")
+            lost.append(f"{said}, {value:g}, is not exported")
             changes[name] = none
     if face.command_hold == "smooth":
         lost.append(
-            "a command that is smooth between samples is not held: it is constant over each"
+            "a command that is smooth between samples is not exported: it is constant over each"
         )
         changes["command_hold"] = "zero_order"
     return device.with_interface(**changes)

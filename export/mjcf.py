@@ -1,8 +1,9 @@
 """A device as MJCF, MuJoCo's format: slides or hinges, links as tendons, the drive an actuator.
 
-The limit of a command is after its gain, and so a range of the force. Without dry friction MuJoCo
-integrates by Runge and Kutta's fourth order; with it (a soft constraint there) implicitly, in
-steps and with an impedance at which a body held creeps by a ten-thousandth.
+A device limits its command after the gain, so the limit is written as a range of the force. Without
+dry friction MuJoCo integrates by the fourth-order Runge-Kutta method. With dry friction, which is a
+soft constraint there, it integrates implicitly; step and impedance are chosen so that a body held
+by friction creeps by a ten-thousandth.
 
 If a device states how much its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
 With the gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G

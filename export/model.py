@@ -54,7 +54,7 @@ def label_of(physics: Physics) -> str:
 
 
 def substeps_for(device: Device) -> int:
-    """Return how many substeps a tick an export of a device takes."""
+    """Return how many substeps per tick an export of a device takes."""
     within = any(p.effect.hook in ("force", "friction") for p in device.physics)
     return enough_substeps(device, SUBSTEPS if within else 1)
 
@@ -85,7 +85,8 @@ def loss(ours: Floats, theirs: Floats) -> float:
 def amplitude(device: Device) -> float:
     """Return an rms command that moves a device: past what holds it, and within its limits.
 
-    Raises nothing: three times its dry friction, else what turns it by about a unit in the time.
+    Three times its dry friction, else the force that turns it by about a unit in the time. Raises
+    nothing.
     """
     held = 0.0
     for p in device.physics:

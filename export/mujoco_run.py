@@ -20,7 +20,7 @@ def engine() -> Any:
 
 
 def run_mjcf(text: str, commands: Floats, period: float) -> Floats:
-    """Return what the encoder of an MJCF export reads under commands (ticks,), one a period [s].
+    """Return what the encoder of an MJCF export reads under commands (ticks,), one per period [s].
 
     Raises ImportError without MuJoCo, ValueError for a text that it refuses.
     """

@@ -72,7 +72,7 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
         model = _model(mujoco, file)
     except (ValueError, ElementTree.ParseError) as error:
         first = str(error).strip().splitlines()[0]
-        raise ValueError(f"{file} is no model that MuJoCo reads: {first}") from None
+        raise ValueError(f"{file} is not a model that MuJoCo can read: {first}") from None
     names = [model.joint(i).name for i in range(model.njnt)]
     if joint not in names:
         raise ValueError(f"{file} has no joint {joint!r}; {nearest(joint, names)}")
@@ -196,7 +196,7 @@ def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list
     known = kind in (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)) and fixed
     stiffness, damping = -(gear**2) * bias[1], -(gear**2) * bias[2]
     if not known or gain * gear <= 0.0 or stiffness < 0.0 or damping < 0.0:
-        left_out.append(f"its actuator {name!r}, which is no motor and no loop on the joint")
+        left_out.append(f"its actuator {name!r}, which is neither a motor nor a loop on the joint")
         return nothing
     if bias[0] != 0.0:
         left_out.append(f"the constant force {gear * bias[0]:g} of its actuator {name!r}")

@@ -1,7 +1,7 @@
 """A device as URDF or SDF: bodies and joints with damping and dry friction.
 
-A joint of URDF has no spring, so that a chain is one rigid body there. One of SDF has, and a chain
-is bodies one behind the other, each joint the link to the body before.
+A joint of URDF has no spring, so that a chain is one rigid body there. A joint of SDF has one, so a
+chain is a row of bodies, in which each joint is the link to the body before.
 """
 
 import math
@@ -25,11 +25,14 @@ def urdf(device: Device, name: str) -> Exported:
     joints = joints_of(device)
     for (i, j), (spring, damper) in joints.between.items():
         joints.lost.append(
-            f"link m{i + 1}-m{j + 1}: its spring {spring:g} and damper {damper:g} are not held, the"
+            f"link m{i + 1}-m{j + 1}: its spring {spring:g} and damper {damper:g} are not"
+            " exported, the"
             " masses are one"
         )
     for i in np.flatnonzero(joints.springs).tolist():
-        joints.lost.append(f"the spring {joints.springs[i]:g} from m{i + 1} to ground is not held")
+        joints.lost.append(
+            f"the spring {joints.springs[i]:g} from m{i + 1} to ground is not exported"
+        )
     face = _face(joints.device, joints.lost)
     mass, damper = float(joints.masses.sum()), float(joints.dampers.sum())
     friction = float(joints.friction.sum())
@@ -152,7 +155,7 @@ def _face(device: Device, lost: list[str]) -> Device:
     """Return the device with what such a format has of the interface: the limit of an effort."""
     if device.interface.command_gain != 1.0:
         gain = device.interface.command_gain
-        lost.append(f"the gain {gain:g} of the command is not held: multiply commands by it")
+        lost.append(f"the gain {gain:g} of the command is not exported: multiply commands by it")
         device = device.with_interface(command_gain=1.0)
     return interface_lost(device, False, True, lost)
 

@@ -1,5 +1,5 @@
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
-"""A tick of the kernel for one command that comes from outside: what is translated into C."""
+"""A tick of the kernel for one external command: the source that is translated into C."""
 
 from zwidth.sim.jit import part
 from zwidth.sim.kernel import amplify, arrives, fed_back, placed, read_position, substep
@@ -14,7 +14,7 @@ def reading(eq, x):
 
 @part
 def sent(eq, tick, x, command, before):
-    """What the amplifier is told at this tick."""
+    """The command that the amplifier gets at this tick."""
     told = amplify(eq, fed_back(eq, x, command), before, False)
     return select(arrives(eq, tick), told, before)
 

@@ -1,4 +1,4 @@
-"""Compiled parts of the kernel as C, by their own source.
+"""Translation of compiled parts of the kernel from their own source to C.
 
 The source of a part is executed here: what is known of a device (its tables, sizes, numbers) keeps
 its value, and what is only known in a run becomes a C expression. Conditions and loops over known
@@ -84,9 +84,9 @@ def _source(function: Callable[..., Any]) -> ast.FunctionDef:
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     except (OSError, SyntaxError):
-        raise Untranslatable(f"the source of {function.__name__} is not at hand") from None
+        raise Untranslatable(f"the source of {function.__name__} cannot be read") from None
     if not isinstance(tree, ast.FunctionDef):
-        raise Untranslatable(f"{function.__name__} is no function of statements")
+        raise Untranslatable(f"{function.__name__} is not defined by a def statement")
     return tree
 
 
@@ -148,7 +148,7 @@ class Translator:
         return head + self.lines
 
     def _drop_unread(self) -> None:
-        """Leave out what is computed and never asked for."""
+        """Leave out values that are computed and never used."""
         while True:
             asked: set[str] = set()
             for line in self.lines:
@@ -205,7 +205,7 @@ class Translator:
             if {kind, _kind(value)} == {"i", "b"} or (kind, _kind(value)) == ("d", "i"):
                 pass
             else:
-                raise Untranslatable(f"{name} is now {kind} and now {_kind(value)}")
+                raise Untranslatable(f"{name} is first {kind}, then {_kind(value)}")
         self.emit(f"{name} = {_text(value)};")
         return Value(name, kind)
 
@@ -218,7 +218,7 @@ class Translator:
         if isinstance(value, Value) or (number and pinned):
             frame.names[name] = self._put(f"{name}_{frame.number}", value)
         elif pinned and frame.names.get(name) is not value:
-            raise Untranslatable(f"{name} is another table in one branch")
+            raise Untranslatable(f"{name} is a different table in each branch")
         else:
             frame.names[name] = value
 
@@ -283,7 +283,7 @@ class Translator:
                 place = self._at(self._value(frame, array), self._value(frame, index))
                 self.emit(f"{_text(place)} = {_text(value)};")
             case _:
-                raise Untranslatable(f"nothing is stored in {ast.unparse(target)!r}")
+                raise Untranslatable(f"no value can be stored in {ast.unparse(target)!r}")
 
     def _if(self, frame: _Frame, test: Any, body: list[ast.stmt], orelse: list[ast.stmt]) -> None:
         if not isinstance(test, Value):
@@ -391,13 +391,13 @@ class Translator:
             return frame.outer[name]
         if name in PLAIN:
             return PLAIN[name]
-        raise Untranslatable(f"{name!r} is not known where it is asked for")
+        raise Untranslatable(f"{name!r} is used before it has a value")
 
     def _at(self, array: Any, index: Any) -> Any:
         indices = index if isinstance(index, tuple) else (index,)
         if not isinstance(array, Array):
             if any(isinstance(i, Value) for i in indices):
-                raise Untranslatable("a table is asked at a place that only a run knows")
+                raise Untranslatable("the index of a table is known only at run time")
             found = array[index]
             return found.item() if isinstance(found, np.float64) else found
         given = (*array.indices, *(_text(i) for i in indices))
@@ -525,7 +525,7 @@ def _cast(kind: str, plain: Callable[[Any], Any]) -> Callable[..., Any]:
 
 def _range(_: Translator, *bounds: Any) -> range:
     if any(isinstance(b, Value) for b in bounds):
-        raise Untranslatable("a loop has a length that only a run knows")
+        raise Untranslatable("the length of a loop is known only at run time")
     return range(*(int(b) for b in bounds))
 
 

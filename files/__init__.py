@@ -1,1 +1,1 @@
-"""How files are written: whole or not at all, and over nothing that a user made."""
+"""How files are written: whole or not at all, and never over a file that a user made."""

@@ -1,9 +1,9 @@
-"""Nothing a user made is written over: what is read, who writes, and what he wrote before.
+"""Protection of files that a user made: what is read, who writes, what was written before.
 
 A file may be written if none exists there, or if it is an earlier result of the same writer that
 was not edited since (recognised by its SHA-256). `--force` of a command and `overwrite=True` of a
 function lift this, but never for inputs: a command does not overwrite what it has read (`reading`).
-A file is the same file by whatever path, link or hard link it is reached.
+A file counts as the same file whatever path, link or hard link leads to it.
 
 A writer is a command, within its `command` block, or a public function called from Python, which
 declares this by `writing_as`; within a command, the command is the writer.
@@ -14,8 +14,8 @@ What was written is kept beside it, in `.zwidth-results/NAME.json`:
 
 It is written before the result takes its place, and with both sums, so that a result is recognised
 even if the program is killed in between. Each result has a file of its own, so that programs that
-write into one folder do not lose each other's. If it cannot be written, the result is written all
-the same.
+write into one folder do not lose each other's. If this note cannot be written, the result is
+written all the same.
 """
 
 import hashlib
@@ -114,7 +114,7 @@ def reading(path: Path, why: str = INPUT) -> Path:
 
 
 def check(*paths: Path) -> None:
-    """Raise Protected for the first path that may not be written now, or that stands there twice.
+    """Raise Protected for the first path that may not be written now, or that is given twice.
 
     Commands call it for all that they will write as soon as they have read their inputs.
     """
@@ -148,7 +148,7 @@ def force() -> None:
 def command(name: str) -> Generator[None]:
     """Let a command write within the block.
 
-    At the end it raises Protected for results that could not take their places.
+    At the end it raises Protected if results could not replace existing files.
     """
     present = Writer(name, late=(late := list[str]()))
     token = _writer.set(present)

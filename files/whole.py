@@ -1,4 +1,4 @@
-"""Write a result whole or not at all: a reader never sees half a file, a full disk no lost one.
+"""Write a result whole or not at all: a reader never sees half a file, and a full disk loses none.
 
 Nothing else in the package writes files, so this is where users' files are protected (see
 `protection`).

@@ -1,1 +1,1 @@
-"""Many recordings at once: what is the same in all, what differs, and by what it scales."""
+"""Many recordings at once: what is the same in all, what differs, and what it follows."""

@@ -4,9 +4,10 @@
 2. A quick fit of it to every recording, as independent tasks (`quick`, `jobs`), each kept.
 3. Which are unlike the others (`odd`), and what changed over the dates (`history`): what a change
    explains is not odd.
-4. Why those that are left are odd, each asked by what would make it one of the others (`reasons`).
-   They have no part in what follows.
-5. What is shared, per device or per run, and what goes with a known column (`spread`).
+4. Why the remaining ones are odd: which fault, if corrected, makes a recording like the others
+   (`reasons`).
+   They are not used in what follows.
+5. Which parameters are shared, per device or per run, and which follow a known column (`spread`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -68,7 +69,7 @@ def diagnose_fleet(
     device: what is known about them; work: folder that keeps results, so that a rerun continues and
     a new recording costs only itself; runner: where tasks run, None for here; effort: of the search
     for the structure; advance: called with the stage, how many are done, and of how many. Raises
-    ValueError if fewer than three recordings can be used, or none follows the device.
+    ValueError if fewer than three recordings can be used, or the device predicts none.
     """
     runner = Local() if runner is None else runner
     kept = Kept(work, device, effort)

@@ -62,7 +62,7 @@ class Change:
     gained: float
 
     def share(self, day: Floats, end: float) -> Floats:
-        """Return how much of it had come about at days, of which `end` is the device's last."""
+        """Return the share of a change that had happened at these days; `end`: the last one."""
         if self.shape == STEP:
             return (day >= self.at).astype(np.float64)
         return np.clip((day - self.at) / max(end - self.at, 1e-9), 0.0, 1.0)
@@ -149,7 +149,7 @@ def _changed(
 
 
 def _one_off(y: Floats, s: Floats, size: float, asked: int) -> float:
-    """What it costs that one recording is off, and the others stay at a value."""
+    """The cost of a model in which one recording is off and all others have one value."""
     w = 1.0 / s**2
     left = 1.0 - w / w.sum()
     off = y - float(w @ y) / w.sum()

@@ -83,7 +83,7 @@ class Kept:
         write_text(self.folder / "fits" / f"{key}.json", text, own=True)
 
     def reason(self, key: str, question: Question) -> Reason | None:
-        """Return a reason, unless what is expected of the recording has moved since."""
+        """Return a reason, unless the expected values of the recording have changed since."""
         found = self._read(self.folder / "reasons" / f"{key}.json")
         try:
             moved = (np.array(found["expected"]) - question.expected) / question.spread

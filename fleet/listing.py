@@ -6,8 +6,8 @@ A table is a CSV with a line for each recording,
     d01/monday.csv,d01,2026-03-02,0.5,21.5
 
 or a TOML with `[[recording]]` tables of the same keys (`file` for `recording`). Only the file is
-asked for. `device` (or `unit`) says of which device it is; without it all are of one. `date` is
-ISO 8601. Every other column of numbers is a known value that parameters may scale with.
+required. `device` (or `unit`) says of which device it is; without it all are of one. `date` is ISO
+8601. Every other column of numbers is a known value that parameters may scale with.
 
 A folder is read through its table where it has one (`fleet.csv`, `fleet.toml`); else every
 recording in it counts: recording TOMLs, logs, and files of data that no TOML describes. A subfolder
@@ -76,8 +76,8 @@ def is_fleet(path: Path) -> bool:
 def listed(path: Path) -> list[Listed]:
     """Return the recordings of a folder or a table, in order of their names.
 
-    Raises ValueError with one sentence: no recording, one that is not there or stands twice, a
-    value or a date that is none.
+    Raises ValueError with one sentence: no recording, one that is missing or listed twice, or an
+    invalid value or date.
     """
     if path.is_dir():
         table = next((path / name for name in TABLES if (path / name).is_file()), None)
@@ -162,7 +162,7 @@ def _date_in(text: str, path: Path) -> datetime | None:
         return _date(match[1] + (f"T{match[2]}:{match[3]}" if match[2] else ""))
     except ValueError:
         raise ValueError(
-            f"{path.name} has {match[0]!r} in its name, which is no date; rename it, or list the"
+            f"{path.name} has {match[0]!r} in its name, which is not a date; rename it, or list the"
             f" recordings in {TABLES[0]}"
         ) from None
 

@@ -114,7 +114,7 @@ def _spread(off: Floats) -> float:
 
 
 def _within(off: Floats, s: Floats, devices: Sequence[str]) -> float:
-    """What recordings of one device scatter by beside their errors."""
+    """The scatter of recordings of one device beyond their errors."""
     about: list[float] = []
     error: list[float] = []
     for every in places_by(devices).values():

@@ -1,4 +1,4 @@
-"""One recording fitted with the fleet's structure: its own numbers, and how well they go.
+"""One recording fitted with the fleet's structure: its own parameters, and how well they fit.
 
 A descent from the typical device (`settled`: fit and noise in turn), which takes some tenths of a
 second for 600 samples. Estimates are independent of the prior: with posterior variance v of x under
@@ -6,8 +6,9 @@ a unit prior about 0, the recording alone gives
 
     1 / s^2 = 1 / v - 1,    y = x s^2 / v,
 
-so a recording without information about a parameter has an infinite standard error of it, and does
-not draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
+so a recording without information about a parameter has an infinite standard error for it, and does
+not pull the fleet towards the typical device. Errors hold for a coloured residual
+(`fitting.uncertainty`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -138,7 +139,7 @@ def quick(e: Experiment, structure: Structure) -> Quick:
     try:
         h = fit(e, structure)
     except NoObserver:
-        return Quick(e.name, problem=f"no observer follows {e.name} with the fleet's structure")
+        return Quick(e.name, problem=f"no observer with the fleet's structure predicts {e.name}")
     return summed_up(e, h, tuple(f.sentence for f in oddities(structure.typical, e)))
 
 

@@ -1,4 +1,4 @@
-"""Why a recording is unlike the others: what would make it one of them, each asked by its cost.
+"""Why a recording is unlike the others: which fault explains it at the lowest cost.
 
 A sound recording of the fleet has parameters about mu (for its own columns) with deviations S. Read
 in one way (as it is, with a sign reversed, ...), a fit gives y with covariance C, and
@@ -15,8 +15,8 @@ Tried are: signs and units of command and output (also as the gate of a diagnosi
 late command or reading, a reading that jumps (a clamp or a coupling that slipped), a parameter that
 changes within the recording, parameters of its own, and, if it fits badly whatever is corrected,
 physics that the others do not have. If free runs diverge, it is first tested whether the drive was
-off for a while (`switched_off`), since the next sample, which shows all of the others, does not
-show that.
+off for a while (`switched_off`), since the prediction one sample ahead, which shows all other
+faults, does not show this one.
 """
 
 import math
@@ -68,7 +68,7 @@ FAULTS = {
     "stale_sensor": "a sensor that does not give new readings",
     "unreadable": "it cannot be used",
     "changed_within": "a parameter changes while it is recorded",
-    "other_device": "a parameter is another one",
+    "other_device": "a parameter has another value",
     "other_physics": "physics that the others do not have",
     "unexplained": "nothing that was tried explains it",
 }
@@ -89,7 +89,7 @@ class Reason:
 
     @property
     def recording(self) -> bool:
-        """Whether the recording is at fault and says nothing of the device as it is."""
+        """Whether the recording has a fault, and shows nothing about the present device."""
         return self.kind not in ("changed_within", "other_device", "other_physics")
 
 
@@ -158,7 +158,7 @@ def explained(question: Question) -> Reason:
             found.append((plain - gained, replace(reason, gained=gained), None))
     best = min(found, key=lambda f: f[0], default=None)
     if best is None:
-        return unusable(f"no observer follows {e.name}, however it is read")
+        return unusable(f"no observer predicts {e.name}, whatever fault is assumed")
     cost, reason, h = best
     noise = question.noise if h is None else float(h.noise.observer.deviation[0])
     if noise > BADLY * question.noise:
@@ -262,7 +262,7 @@ def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = (
 
 
 def _own(question: Question, h: Hypothesis, e: Experiment) -> Iterator[tuple[float, Reason]]:
-    """Parameters of its own: each alone, those that stand out together, and all."""
+    """Parameters with other values: each alone, those that stand out together, and all."""
     units = names_of(question.structure)
     names = list(units)
     values, _, _ = estimates(h)

@@ -1,4 +1,4 @@
-"""What is said of a fleet, as values and as the JSON of `zwidth diagnose`."""
+"""The result for a fleet, as values and as the JSON of `zwidth diagnose`."""
 
 import math
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class Member:
 
     @property
     def pooled(self) -> bool:
-        """Whether it has a part in what is said of the fleet."""
+        """Whether it is used for the result of the fleet."""
         return self.reason is None and not self.quick.problem
 
 

@@ -1,4 +1,4 @@
-"""Whether a parameter is one for a fleet, or differs from device to device or from run to run.
+"""Whether a parameter is the same in a whole fleet, or differs from device to device or run to run.
 
 Recording i of device d gives y_i for a parameter, with standard error s_i. The model is a random
 effects model (DerSimonian & Laird, Control. Clin. Trials 7, 1986) with two levels and known

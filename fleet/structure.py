@@ -12,8 +12,8 @@ effects must cost less by 2 ln (1 / ALPHA) for each. A recording without informa
 parameter is left out of the comparison.
 
 The few are the most informative ones: those whose refit determines the linear parameters best (ln
-det J'J), of different devices, and without those whose parameters lie far from the others', which
-may be misread.
+det J'J), of different devices, and without those whose parameters lie far from the others', since
+such a recording may have a fault.
 """
 
 import json
@@ -109,7 +109,7 @@ def structure_from(text: str) -> Structure:
             tuple({k: (v[0], v[1]) for k, v in e["bounds"].items()} for e in every),
         )
     except (KeyError, TypeError, IndexError) as error:
-        raise ValueError(f"this is no structure of a fleet: {error}") from None
+        raise ValueError(f"this is not a fleet structure: {error}") from None
 
 
 def _kept(physics: Physics) -> set[str]:
@@ -159,7 +159,7 @@ def _open(device: Device) -> Uncertainty:
 def informative(
     device: Device, experiments: Sequence[Experiment], devices: Sequence[str], count: int
 ) -> list[int]:
-    """Return the places of so many recordings that say most, of different devices where there are.
+    """Return the indices of the most informative recordings, of different devices if possible.
 
     Raises NoObserver where none can be followed with the device.
     """
@@ -174,7 +174,7 @@ def informative(
             linear = [p.kind not in ("origin", "zero", "jitter", "skew") for p in model.parameters]
             told.append((place, log_det, h.x[np.array(linear)]))
     if not told:
-        raise NoObserver("no recording of the fleet can be followed with the device")
+        raise NoObserver("no observer of the device predicts any recording of the fleet")
     xs = np.stack([x for _, _, x in told])
     middle = np.median(xs, axis=0)
     spread = 1.4826 * np.median(np.abs(xs - middle), axis=0) + 0.05
@@ -222,14 +222,14 @@ def sought(
                 if known is None or one.cost.total < known[2]:
                     found[one.labels] = one.model, one.x, one.cost.total
     if not wanting:
-        raise NoObserver("no recording of the fleet can be followed with the device")
+        raise NoObserver("no observer of the device predicts any recording of the fleet")
     plain = [_fitted(e, bare, first_x(bare, [e])) for e in experiments]
     costs = {frozenset[str](): sum(h.cost.total for h in plain if h is not None)}
     fits: dict[frozenset[str], list[Hypothesis | None]] = {frozenset(): plain}
     for labels, (structure, x, _) in found.items():
         if not labels:
             continue
-        say(f"fitting to all of them {' and '.join(sorted(labels))}")
+        say(f"fitting {' and '.join(sorted(labels))} to all recordings")
         model = replace(structure, nominal=bare.nominal)
         each = [_fitted(e, model, x) for e in experiments]
         fits[labels], costs[labels] = each, _cost(each, plain)
@@ -256,7 +256,7 @@ def _fitted(e: Experiment, model: Model, x: Floats) -> Hypothesis | None:
 
 
 def _cost(each: Sequence[Hypothesis | None], plain: Sequence[Hypothesis | None]) -> float:
-    """What a structure costs over recordings; one that says nothing of it stays without it."""
+    """The cost of a structure over recordings; one that does not show it is fitted without it."""
     total, rarity = 0.0, 0.0
     for h, without in zip(each, plain, strict=True):
         own = math.inf if h is None else h.cost.misfit + h.cost.freedom

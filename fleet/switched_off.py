@@ -1,4 +1,4 @@
-"""A drive that gave no force for a stretch of a recording, told by free runs.
+"""Detection, by free runs, of a drive that gave no force for a stretch of a recording.
 
 The next sample hardly shows it: an observer follows whatever the device does, and missing forces
 count as noise. A free run of half a second (`noise.predictor.free_run_errors`) follows the assumed
@@ -6,11 +6,11 @@ force. So with the expected parameters x, and the drive off in [a, b),
 
     err(a, b) = rms error of free runs,    the stretch is arg min over a < b,
 
-on a grid of a twentieth of the recording, and then each edge is bisected down to a sample. It is
-believed if free runs err half as much with it, and more than the motion itself without it: a wrong
-number of a device does not have this effect, and no stretch helps if the drive was on. (A command
-of the wrong sign also halves the error if it is left out; the caller compares with the other ways
-to read a recording.)
+on a grid of a twentieth of the recording, and then each edge is bisected down to a sample. The
+stretch is accepted if it halves the error of free runs, and if the error without it is larger than
+the motion itself. A wrong parameter of the device does not have this effect, and no stretch helps
+if the drive was on. (A command of the wrong sign also halves the error if it is left out; the
+caller compares with the other ways to read a recording.)
 
 Limits: one stretch, and not the whole recording (that is a free motion). The back-EMF of a winding
 stays, as in a recording whose [enable] states that its drive was off.
@@ -76,7 +76,7 @@ class _FreeRuns:
 
 
 def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
-    """Return where the drive gave nothing, None where it always did; raises NoObserver."""
+    """Return the stretch without a force of the drive, None for none; raises NoObserver."""
     error = _FreeRuns(e, model, x).error
     on, size = error(0, 0)
     if not on > LOST * size > 0.0:

@@ -1,9 +1,9 @@
-"""A device to start from, of a recording alone: one, two or three masses, whichever the data ask.
+"""A device of one, two or three masses to start from, identified from a recording alone.
 
 `identify` fits eq. (1) to a frequency response, which needs an excitation of all frequencies and
-some 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
-which the chain runs freely under the command. The error is counted as a speed, so that a small fast
-mode counts beside a large slow drift:
+about 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
+which the chain runs freely under the command. The error is measured as a speed, so that a small
+fast mode has weight beside a large slow drift:
 
     e_w = (I - P) d/dt (y_w - H (u_w + sum_i a_i f_i,w)),
 
@@ -191,7 +191,7 @@ class Windows:
         return self._only(~judged), self._only(judged)
 
     def of_one_mass(self) -> "Windows":
-        """Return them as if nothing but the first output were known, and it of m1."""
+        """Return them as if only the first output were known, and belonged to m1."""
         own = self.quantities[0][1]
         keep = [i for i, mass in enumerate(self.at) if i == 0 or mass == own]
         quantities = ((self.quantities[0][0], 0),)
@@ -234,7 +234,7 @@ class Force(NamedTuple):
 
 
 def _forces(motion: Motion, quantities: tuple[tuple[str, int], ...], free: bool) -> list[Force]:
-    """Return the command, and what may act besides by the motion measured.
+    """Return the command, and the further forces that may follow from the measured motion.
 
     The latter of rms one, and of the middle of each sample's period, over which a force is held.
     """

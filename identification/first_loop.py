@@ -1,4 +1,4 @@
-"""A device to start from whose command is a goal: a loop on the position of one mass.
+"""A device to start from if the command is a goal: a loop on the position of one mass.
 
     m q'' + b q' = K (g(t - tau) - q)
 
@@ -206,7 +206,7 @@ def _over_a_sample(frequency: float, ratio: float, period: float) -> Floats:
 
 
 def _unexplained(wanted: Floats, columns: Floats) -> Floats:
-    """Return what rows leave of what is wanted, large where they overflow."""
+    """Return the remainder of the target after a fit of the rows, large if they overflow."""
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(wanted))):
         return np.full(wanted.size, 1e6)
     basis, _ = np.linalg.qr(columns.T)

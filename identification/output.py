@@ -1,4 +1,4 @@
-"""Position of a modal model under a held command, fast: one first-order filter a pole.
+"""Fast position of a modal model under a held command: one first-order filter per pole.
 
 G = sum_p r_p / (s - p). Over one period T, a command that changes from u' to u at r after the tick
 moves the term of a pole p by
@@ -22,7 +22,7 @@ WHOLE = 1e-9  # of a period: a remainder below is rounding of decimal input
 
 
 class Terms(NamedTuple):
-    """The terms of the sampled position, one a pole, all (poles,).
+    """The terms of the sampled position, one per pole, all (poles,).
 
     decay e^{pT}; newer and older: what one unit of the newer and of the older command adds.
     """

@@ -3,8 +3,8 @@
 Each pole of G adds Re(a f_k + b f_{k-1}) to the position: f is the delayed command through one
 filter, f_{k+1} = e^{pT} f_k + u_k; a and b hold residue and hold (`identification/output.py`).
 Coordinates change a, b and e^{pT} only, and the slope of f by e^{pT} is the same filter applied to
-f. The slope by all coordinates therefore costs two filters and two or three transforms a pole,
-whatever their number.
+f. The slopes by all coordinates therefore cost two filters and two or three transforms per pole,
+however many coordinates there are.
 
 What the device did before the recording began adds e^{pt} of each pole, and a constant force adds a
 ramp: `free_motion` gives their H1, to be projected out of a fit.

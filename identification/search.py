@@ -1,4 +1,4 @@
-"""How a fit is found: from a start of its own, with the noise that the data themselves show.
+"""How a fit is found: starting values and noise are both estimated from the data.
 
 The first variance of H1 comes from the coherence, too large at low frequencies (leakage counts as
 noise), but independent of any model. Then twice the noise's spectrum in the last fit's residual is
@@ -102,7 +102,7 @@ class Search:
         return found
 
     def _moved(self, x: Floats) -> Floats | None:
-        """Move the mode that does least to where the error is largest; None if that is worse."""
+        """Move the mode with the least effect to the largest error; None if that is worse."""
         left = Problem(self.data, self.coordinates, x, self.rough).left(x)
         error = smoothed(np.abs(left) ** 2 / self.rough)
         model, delay = self.coordinates.model(x)

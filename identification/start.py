@@ -5,8 +5,8 @@ on N - V D = 0 with the weights of the last iteration's 1/|D| (Sanathanan & Koer
 Automatic Control 8, 1963), s scaled by the band's upper end. Roots are then made stable and
 interlacing.
 
-A fit from there may end with a mode that cancels itself while another is missing: `moved` puts the
-one in the other's place.
+A fit from there may end with a mode that cancels itself while another mode is missing: `moved`
+moves the first to the place of the second.
 """
 
 import numpy as np

@@ -1,1 +1,1 @@
-"""Independent tasks on threads, in processes, on a cluster, and what they gave, kept."""
+"""Independent tasks on threads, in processes or on a cluster, and storage of their results."""

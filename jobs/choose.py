@@ -1,4 +1,4 @@
-"""Where tasks run, as a user asks for it."""
+"""Where tasks run, chosen from what the user asks for."""
 
 from contextlib import AbstractContextManager, nullcontext
 

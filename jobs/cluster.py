@@ -1,9 +1,9 @@
 """Tasks on many machines, by Dask (`pip install 'zwidth[cluster]'`).
 
-Dask gives a task whose worker died to another one. In addition: a restarted scheduler has forgotten
-everything, so missing results are requested again; workers with other code than the driver are
-refused, since their results would not be the same; and only as many tasks are in flight as are
-needed to keep all cores busy.
+If a worker dies, Dask gives its task to another worker. In addition: a restarted scheduler has
+forgotten everything, so missing results are requested again; workers with other code than the
+driver are refused, since their results would not be the same; and only as many tasks are in flight
+as are needed to keep all cores busy.
 """
 
 import errno
@@ -80,7 +80,7 @@ class Cluster:
         except (OSError, ValueError, TypeError, TimeoutError) as error:
             found = self._client is not None
             self.__exit__()
-            what = "has no workers; start some" if found else "is no scheduler that answers"
+            what = "has no workers; start some" if found else "does not answer as a scheduler"
             raise ValueError(
                 f"{self.address!r} {what}; see docs/scale.md for how to start a cluster"
             ) from error
@@ -177,7 +177,8 @@ class Cluster:
                 if time.monotonic() > end:
                     raise ConnectionResetError(
                         errno.ECONNRESET,
-                        f"the scheduler {self.address} is gone for {self.patience:g} s; finished"
+                        f"the scheduler {self.address} has not answered for {self.patience:g} s;"
+                        " finished"
                         " parts are kept: start it and give the same command again",
                     ) from None
                 time.sleep(LOOK_EVERY)
@@ -214,7 +215,8 @@ class _Watch:
         elif now - self.seen > self.patience:
             raise ConnectionResetError(
                 errno.ECONNRESET,
-                f"all workers of {self.address} are gone for {self.patience:g} s; finished parts"
+                f"all workers of {self.address} have been gone for {self.patience:g} s; finished"
+                " parts"
                 " are kept: start workers and give the same command again",
             )
         return True

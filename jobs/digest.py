@@ -1,4 +1,4 @@
-"""What a result depends on besides its task: the code, its libraries, Python."""
+"""What a result depends on besides its task: the code, its libraries, and Python."""
 
 import ast
 import hashlib

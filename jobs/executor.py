@@ -1,8 +1,8 @@
 """Where many independent tasks run: in this process, in several, or on a cluster (`cluster.py`).
 
-A task is a key and a value. The function of the value gives the same result wherever and however
-often it runs, so only tasks whose worker was lost are run again; each key comes back once. A caller
-that keeps results by their keys continues from there the next time.
+A task is a key and a value. The function gives the same result for a value wherever and however
+often it runs, so only tasks whose worker was lost are run again, and each key is returned once. A
+caller that keeps results by their keys continues from there the next time.
 """
 
 import errno
@@ -58,8 +58,8 @@ class Local:
 class Processes:
     """Tasks in processes of their own on this machine, one thread each: for work in Python.
 
-    A process that dies takes the tasks of its fellows along, at most one for each core; they are
-    run again. Raises ValueError for a count below 1.
+    If a process dies, the tasks of the other processes are lost, too, at most one per core; they
+    are run again. Raises ValueError for a count below 1.
     """
 
     def __init__(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""What numbered tasks gave, in a folder: each written whole, read again when the work is taken up.
+"""Results of numbered tasks in a folder: each written whole, and read again to continue.
 
 A folder holds a description (what the work is) and `part-00000.npz`, ..., numbered in the order in
 which the work needs them and written in the order in which they are finished. A run that stops,

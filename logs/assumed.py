@@ -164,7 +164,8 @@ class _Reader:
         for role, name in given.items():
             if name not in source.signals:
                 raise RecordingError(
-                    f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
+                    f"{role} is {name!r}, which is not a column of numbers;"
+                    f" {nearest(name, source.signals)}"
                 )
         sizes = {role: source.signals[name].values.size for role, name in given.items()}
         if len(set(sizes.values())) > 1:
@@ -225,7 +226,7 @@ class _Reader:
         return self.found
 
     def _are_some(self) -> None:
-        """Raise RecordingError where so few samples show nothing of what a column is."""
+        """Raise RecordingError if there are too few samples to recognise the columns."""
         most = max((int(one.known.sum()) for one in self.source.signals.values()), default=0)
         if most < FEWEST and self.source.unreadable:
             name, reason = next(iter(self.source.unreadable.items()))
@@ -267,7 +268,7 @@ class _Reader:
         return [_line("time", time.name), *named]
 
     def _period(self, refused: Sequence[str]) -> list[str]:
-        """Return the line on the period of a file without a time: told beside, or assumed."""
+        """Return the line on the period of a file without a time, as stated or assumed."""
         roles, doubts = self.found.roles, self.found.doubts
         told = period_told(self.source)
         why = f" ({'; '.join(refused[:4])})" if refused else ""
@@ -346,14 +347,14 @@ class _Reader:
         return sorted(found, key=lambda name: self.names[name].role != "measured")
 
     def _is_long(self, name: str) -> bool:
-        """Whether it is no setting of the run beside the signals, and no time."""
+        """Whether it is a signal, and neither a setting of the run nor a time."""
         one = self.seen[name]
         if one.seems == "time" or name == self.given.get("time"):
             return False
         return one.samples == self.rows or bool(one.rate)
 
     def _open(self) -> list[str]:
-        """Return the signals of which nothing says what they are."""
+        """Return the signals whose meaning is unknown."""
         return [n for n, one in self.seen.items() if one.seems == "" and self._is_long(n)]
 
     def _outputs(self) -> dict[str, str]:
@@ -444,7 +445,7 @@ class _Reader:
         if len(known) < 2:
             one = f"only {known[0]} moves in it" if known else "no position in it moves"
             raise RecordingError(
-                f"{self.source.path.name} has no several joints: {one}; leave --joint out"
+                f"{self.source.path.name} has fewer than two joints: {one}; leave --joint out"
             )
         words = differing({name: self.names[name] for name in every})
         labels = {name: "_".join(words[name]) for name in every}
@@ -555,7 +556,7 @@ class _Reader:
         return found
 
     def _say_period(self, period: float, speed: str, position: str) -> None:
-        """Take the period at which a speed is the slope of a position, where nothing tells it."""
+        """Take the period at which a speed is the slope of a position, if none is stated."""
         assert self.guessed is not None
         where = f"{speed}, which is the slope of {position} at that rate"
         self.found.doubts[self.guessed] = (
@@ -568,7 +569,7 @@ class _Reader:
         self.clock = [f"period_s = {period!r} # by {_printable(where)}"]
 
     def _no_speed(self, name: str, position: str) -> None:
-        """Take what is no speed by its numbers for what its name may mean besides."""
+        """If the values of a "speed" do not fit a speed, take the other meaning of its name."""
         signals, said = self.source.signals, self.names[name]
         if follows(signals[name], signals[position]):
             self.names[name] = replace(said, quantity="position", role="goal")
@@ -618,7 +619,7 @@ class _Reader:
         return self._unnamed_command(outputs)
 
     def _place(self, name: str, said: Naming, motion: str, moves: str) -> tuple[float, int] | None:
-        """Return where a signal stands among what may drive, the first first; None for nowhere."""
+        """Return the rank of a signal among possible commands, best first; None if it is none."""
         signals = self.source.signals
         if said.drives:
             if said.quantity == "voltage" and said.role == "" and supplies(signals[name]):

@@ -77,7 +77,7 @@ def bag_files(path: Path) -> list[Path]:
     for name in names:
         if Path(name).name != name or name == "..":
             raise RecordingError(
-                f"{METADATA} of {path.name} names {name!r}, which is no file in that folder"
+                f"{METADATA} of {path.name} names {name!r}, which is not a file in that folder"
             )
         if not (path / name).is_file():
             raise RecordingError(f"{path.name} lacks {name!r}, which its {METADATA} names; add it")
@@ -134,7 +134,7 @@ def read_sqlite(path: Path, data: bytes, unpack: Callable[[bytes], bytes] | None
                     told = bytes(body) if unpack is None else unpack(bytes(body))
                     topic.take(Message(int(number), int(stamp), told, int(stamp), 0))
     except (sqlite3.Error, TypeError, ValueError) as error:
-        raise RecordingError(f"{path.name} is no bag of ROS 2 that can be read: {error}") from None
+        raise RecordingError(f"{path.name} is not a readable ROS 2 bag: {error}") from None
     signals, aside, unreadable, said = signals_of(list(topics.values()))
     return Source(path, "ROS 2 bag", signals, unreadable, tuple(notes + said), aside=aside)
 

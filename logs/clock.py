@@ -25,7 +25,7 @@ def to_log_time(t: Floats, epoch_ns: int) -> tuple[NDArray[np.uint64], Floats]:
     for n in (nanoseconds.min(), nanoseconds.max()) if t.size else ():
         if not 0 <= epoch_ns + int(n) < 2**63:
             raise LogBlockError(
-                f"{n / 1e9:g} s after epoch_ns {epoch_ns} is no log time; log times run from 1970"
+                f"{n / 1e9:g} s after epoch_ns {epoch_ns} is not a log time; these run from 1970"
                 " to 2262, so choose another epoch"
             )
     return (nanoseconds + epoch_ns).view(np.uint64), t - nanoseconds / 1e9

@@ -1,4 +1,4 @@
-"""Text tables: CSV, TSV and columns of blanks, by whatever tool they were written.
+"""Text tables: CSV, TSV and tables separated by blanks, whatever tool wrote them.
 
 Lines that begin with #, % or // are comments. A blank cell is NaN, and so is a cell of text in a
 column of numbers, which the signal's note tells with its line. A column of text does not spoil the
@@ -36,7 +36,7 @@ TORN, SPOKEN = 0.01, 0.1  # of the rows, that may be spoiled, and that may be wo
 
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
-    """Return the columns of a text table; raises RecordingError where it is none."""
+    """Return the columns of a text table; raises RecordingError if it is not one."""
     text = decoded(path, data)
     notes: list[str] = []
     if options == NOTHING_SAID and (table := table_of(text)) is not None:
@@ -97,7 +97,7 @@ def decoded(path: Path, data: bytes) -> str:
         try:
             return data.decode("utf-16")
         except UnicodeDecodeError as error:
-            raise RecordingError(f"{path.name} is no UTF-16 text: {error.reason}") from None
+            raise RecordingError(f"{path.name} is not UTF-16 text: {error.reason}") from None
     if b"\0" in data:
         raise RecordingError(
             f"{path.name} is neither text nor a format known here; known are MCAP, MAT, NPZ, NPY,"
@@ -248,14 +248,14 @@ def _whole_rows(
         )
     left = set(torn)
     kept = [i for i in range(len(rows)) if i not in left]
-    few = "1 line is no row" if len(torn) == 1 else f"{len(torn)} lines are no rows"
+    few = "1 line is not a row" if len(torn) == 1 else f"{len(torn)} lines are not rows"
     note = f"{few} of the table and left out, first line {numbers[torn[0]]}, {brief(rows[torn[0]])}"
     return [rows[i] for i in kept], [numbers[i] for i in kept], note
 
 
 def _text(tally: Tally, column: int) -> str:
     more = "" if tally.texts == 1 else f"; {tally.texts - 1} below it are none either"
-    return f"has {tally.first} in {tally.where}, column {column}, which is no number{more}"
+    return f"has {tally.first} in {tally.where}, column {column}, which is not a number{more}"
 
 
 def _about(path: Path, comments: list[str]) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def find_form(path: Path, lines: Lines, options: CsvOptions) -> Form:
     if runs[best].width == 0:
         raise RecordingError(
             f"{path.name} has no line of numbers among its first {len(sample)}; if it is a table,"
-            " say delimiter, decimal and header_line in [csv]"
+            " give delimiter, decimal and header_line in [csv]"
         )
     delimiter, decimal = dialects[best]
     width = runs[best].width
@@ -160,7 +160,7 @@ def _are_units(names: Sequence[str], cells: Sequence[str]) -> bool:
 
 
 def _is_of_groups(upper: Sequence[str], lower: Sequence[str]) -> bool:
-    """Return whether names stand twice, under the names of what they are of: joint1 over pos, vel.
+    """Return whether there are two lines of names, such as joint1 over pos and vel.
 
     A group may be named once, over its first column.
     """

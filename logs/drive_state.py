@@ -1,4 +1,4 @@
-"""What a recording says of its drive besides the command: when it was on, and its supply.
+"""What a recording says about its drive besides the command: when it was on, its supply.
 
     [enable]                    # channel `enable`: on where it is at least a half
     signal = "torque_enable"

@@ -1,9 +1,9 @@
-"""Joint states that `ros2 topic echo --csv` writes: a line a message, and no line of names.
+"""Joint states that `ros2 topic echo --csv` writes: one line per message, and no line of names.
 
     1741089600,250000000,base_link,elbow,wrist,0.1,0.2,0.01,0.02,1.5,0.3
 
 Seconds and nanoseconds, the frame, the names of the joints, then position, velocity and effort of
-each; a blank cell stands where a message has none of one. Layout: fields in the order of
+each; a cell is blank where a message lacks that quantity. Layout: fields in the order of
 sensor_msgs/msg/JointState, arrays one after the other (ros2topic/verb/echo.py,
 rosidl_runtime_py/convert.py, `message_to_csv`).
 """

@@ -1,4 +1,4 @@
-"""Why a log could not be read or written: one class a cause, one sentence each."""
+"""Why a log could not be read or written: one class per cause, one sentence each."""
 
 
 class LogError(ValueError):

@@ -1,4 +1,4 @@
-"""Excel workbooks: the first sheet that is a table, read as a text table is.
+"""Excel workbooks: the first sheet that is a table, read like a text table.
 
 A sheet becomes lines of cells with tabs between them, so that headers, units on a line of their
 own, gaps and written times are found as in any text table (`csv_form.py`). Formulas give the value

@@ -1,8 +1,8 @@
 """A log to CSV, Parquet or NPZ: every sample to the bit, and a sentence on each thing left behind.
 
 NPZ has room for all of a log, Parquet for all but the substep trace, CSV for one table and a line
-of JSON. The functions write to an open binary file; who opens it sees to it that an older file of
-that name lives until the new one is whole.
+of JSON. The functions write to an open binary file; the caller makes sure that an older file of
+that name is kept until the new one is complete.
 """
 
 import io

@@ -11,8 +11,7 @@ it or has a text instead; one that fewer messages have keeps only the stamps of 
 A file with the state of joints is of these: topics of other types than commands are put aside, for
 a description to name, and images, clouds of points and transforms are not decoded at all.
 
-It walks through the file as through our own logs: a chunk with a wrong checksum is left out and
-named.
+The file is read like a log of zwidth: a chunk with a wrong checksum is left out and reported.
 """
 
 import json

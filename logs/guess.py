@@ -261,7 +261,7 @@ def period_told(source: Source) -> tuple[float, str] | None:
 def _steady(signal: Signal) -> float | None:
     """Return the number that a signal holds, also one repeated in each row with little scatter.
 
-    None for what is no one number above 0.
+    None for anything but a single number above 0.
     """
     values = signal.floats()[signal.known]
     if not values.size or not values.min() > 0.0 or (values.size == 1 < signal.values.size):
@@ -287,7 +287,7 @@ def is_named_time(signal: Signal) -> bool:
 
 
 def _no_time(signal: Signal, rows: int) -> str | None:
-    """Say why a signal that is called time is none, or return None."""
+    """Say why a signal that is called time is not a time, or return None."""
     values = signal.floats()
     if signal.stamps:
         return "is a field of messages, which have a clock"
@@ -345,7 +345,7 @@ def _clock(signal: Signal) -> str:
 
 
 def gaps_seen(source: Source) -> list[str]:
-    """Return a sentence for each signal of which some samples are no finite number."""
+    """Return a sentence for each signal with samples that are not finite."""
     found: list[str] = []
     for signal in source.signals.values():
         known = signal.known

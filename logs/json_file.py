@@ -1,4 +1,4 @@
-"""JSON: records in a list or one a line, columns in an object, arrays of joints, settings beside.
+"""JSON: records in a list or one per line, columns in an object, arrays of joints, settings.
 
 A field of an object is `a.b`, an element of a list `a[k]`, counted from 0. A list of objects with
 numbers in them is a table; a list of numbers is a signal; a list of equally long lists of numbers
@@ -65,7 +65,7 @@ def _lines(text: str, whole: ValueError, notes: list[str]) -> list[Any]:
 
 
 class _Parts(Collector):
-    """A collector of what stands in nested objects and lists."""
+    """A collector of the signals in nested objects and lists."""
 
     def walk(self, name: str, value: object, depth: int) -> None:
         """Take a value and all within it."""

@@ -38,7 +38,7 @@ LONGEST = 10_000  # characters of a line
 
 
 def table_of(text: str) -> str | None:
-    """Return such lines as a table, a blank cell for what a line lacks; None for others.
+    """Return such lines as a table, with a blank cell for each missing value; None for other text.
 
     Other lines are left out, such as those that a board writes when it starts.
     """

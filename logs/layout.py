@@ -2,8 +2,9 @@
 
     opcode length channel sequence log_time publish_time  tag_1 double_1  tag_2 double_2 ...
 
-Protobuf leaves a double of 0.0 out or writes it; both decode to the same. Written always, every
-record has the same length, and a block of samples is encoded and decoded by columns.
+Protobuf leaves a double of 0.0 out or writes it; both decode to the same. Here it is always
+written, so every record has the same length, and a block of samples is encoded and decoded by
+columns.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Tables with a row for each motor in turn, told by a column with its number, apart by motor.
+"""Tables with a row for each motor in turn and a column of motor numbers, split by motor.
 
     time, motor_id, position, current
     0.0000, 1, 0.12, 0.3

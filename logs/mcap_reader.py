@@ -110,7 +110,7 @@ def _check_magic(path: Path, file: BinaryIO, size: int) -> list[str]:
     alike = sum(a == b for a, b in zip(start, MCAP0_MAGIC, strict=False))
     if alike < len(MCAP0_MAGIC) - 2:
         raise NotMcap(
-            f"{path} is no MCAP file, it starts with {start!r}; give a log, or a recording to"
+            f"{path} is not an MCAP file: it starts with {start!r}; give a log, or a recording to"
             " 'zwidth convert'"
         )
     return ["the first bytes of the file are damaged"]

@@ -1,4 +1,4 @@
-"""Stamps that a clock spoiled in a way that can be undone: too coarse, or begun anew.
+"""Time stamps with a fault that can be corrected: a coarse clock, or one that started again.
 
 A clock that counts in steps longer than the sampling period gives several samples one stamp. If a
 line through stamps over sample numbers is within one such step of all of them, samples were even,

@@ -1,4 +1,4 @@
-"""What the name of a column says: which quantity, asked or measured, of which joint.
+"""What the name of a column says: which quantity, commanded or measured, of which joint.
 
 The words are in `vocabulary.toml`, with their sources. A name is split at capitals, digits and
 signs; a unit at its end does not count as a word, nor do letters before a capital that denote a
@@ -119,7 +119,7 @@ def _plain_words(core: str) -> list[str]:
 
 
 def together(names: Sequence[str]) -> dict[str, Naming]:
-    """Return what names say that mean something else together than each alone; {} for none."""
+    """Return the meaning of names that mean something else together than alone; {} for none."""
     own = {name.lower().strip(): name for name in names}
     for known in vocabulary()["together"]:
         if all(name in own for name in known.values()):
@@ -138,7 +138,7 @@ PHASES = (("ia", "ib", "ic"), ("iu", "iv", "iw"), ("i_a", "i_b", "i_c"), ("i_u",
 
 
 def _of_phases(own: Mapping[str, str]) -> dict[str, Naming]:
-    """Return the currents of a motor's phases, which alone drive nothing, by two or three of them.
+    """Return a motor's phase currents in groups of two or three; one alone is not a command.
 
     One alone may be that of an armature.
     """
@@ -234,7 +234,7 @@ def _of_motor(own: Mapping[str, str]) -> dict[str, Naming]:
 
 
 def tool_of(names: Sequence[str]) -> dict[str, Any]:
-    """Return the table of the tool that is told by its names, {} for none."""
+    """Return the table of the tool that these names identify, {} for none."""
     lower = [name.lower() for name in names]
     words = {word for name in names for word in words_of(name)}
 
@@ -245,7 +245,7 @@ def tool_of(names: Sequence[str]) -> dict[str, Any]:
 
 
 def tool_units(names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Return the units in which a tool that is told by its names counts: name -> (unit, tool)."""
+    """Return the units that an identified tool uses: name -> (unit, tool)."""
     tool = tool_of(names)
     found: dict[str, tuple[str, str]] = {}
     for name in names if tool else ():
@@ -265,7 +265,7 @@ def _last(name: str) -> str:
 
 
 def told_by(said: Naming, quantity: str) -> Naming:
-    """Return a naming whose quantity its unit tells; an asked motion is a goal."""
+    """Return a naming whose quantity follows from its unit; a commanded motion is a goal."""
     role = said.role
     if quantity in MOTIONS and (role == "command" or (role == "" and said.quantity == "input")):
         role = "goal"
@@ -360,7 +360,7 @@ def _commands(words: Sequence[str]) -> bool:
 
 
 def is_role(word: str) -> bool:
-    """Return whether a word says that something is asked, or measured."""
+    """Return whether a word says that something is commanded, or measured."""
     return any(word in own for own in vocabulary()["role"].values())
 
 

@@ -1,4 +1,4 @@
-"""A recorded file of any known format, told by its first bytes rather than by its name.
+"""A recorded file of any known format, recognised by its first bytes rather than by its name.
 
 It is a log that zwidth wrote, or holds the signals of another tool.
 """
@@ -76,7 +76,7 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
         return found if found.about else with_own_clocks(apart(below(found)))
     except MemoryError:
         raise RecordingError(
-            f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"
+            f"{path.name} needs more memory than there is; split it if it is not damaged"
         ) from None
 
 
@@ -115,7 +115,7 @@ def own_log(path: Path) -> Log | Source:
 def _with_samples(log: Log) -> Log:
     if len(log.tick) == 0:
         damaged = "it was cut short or damaged before the first one was complete"
-        never = "what wrote it ended before the first"
+        never = "the program that wrote it ended before the first one"
         raise LogEmpty(f"{log.path} holds no sample: {damaged if log.warnings else never}")
     return log
 

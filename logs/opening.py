@@ -20,7 +20,7 @@ def opened(path: Path) -> Generator[BinaryIO]:
         raise LogNotFound(f"{str(path)!r} cannot be the name of a file; check the name")
     try:
         if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
-            raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
+            raise LogNotReadable(f"{path} is not a regular file; give a recording or a log")
         with reading(path).open("rb") as file:
             if not file.read(1):
                 raise LogEmpty(f"{path} is empty; check the program that wrote it")

@@ -1,4 +1,4 @@
-"""Formats that libraries of their own read, which `pip install zwidth[formats]` brings.
+"""Formats that are read by optional libraries, which `pip install zwidth[formats]` installs.
 
 TDMS of LabVIEW by npTDMS: `group/channel`, and the interval of a waveform where there is one. ULog
 of PX4 by pyulog: `topic.field`, `topic_1.field` for the second of a topic.
@@ -52,8 +52,8 @@ def read_tdms(path: Path, data: bytes) -> Source:
 class _Ending(io.BytesIO):
     """Bytes that can be read as often as there are bytes, and some: a message takes three at least.
 
-    pyulog goes back by what a message claims to hold, also where the file holds less, and then
-    reads the same for ever.
+    pyulog seeks back by the length that a message claims, even if the file is shorter, and then
+    reads the same bytes for ever.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -64,7 +64,7 @@ class _Ending(io.BytesIO):
         """Read on; raises ValueError where a reader goes round in circles."""
         self.left -= 1
         if self.left < 0:
-            raise ValueError("its messages lead back to where they began")
+            raise ValueError("the references between its messages form a loop")
         return super().read(size)
 
 

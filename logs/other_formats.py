@@ -1,6 +1,6 @@
-"""Files that are known and not read: what each is, and how to make one of it that is.
+"""Formats that are recognised but not read: what each is, and how to convert it.
 
-Told by first bytes, or of a text by its first line.
+A format is recognised by its first bytes, or a text by its first line.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Signals on clocks of their own that stand in one table, each brought to its own.
+"""Signals in one table that have different clocks, each assigned to its own clock.
 
     t_cmd, torque_cmd, t_pos, position
     0.000, 0.10,       0.001, 1.04

@@ -59,7 +59,7 @@ class Reading:
 
     def _add_records(self, records: Records) -> None:
         if self.by_us and not records.checked:
-            raise RecordDamaged("samples without a checksum, of which this log has none")
+            raise RecordDamaged("samples without a checksum; every log of zwidth has checksums")
         self.all_checked &= records.checked
         self.streams.add_records(records.data)
 
@@ -84,7 +84,7 @@ class Reading:
         if len(filled) > 1:
             raise ForeignLog(
                 f"the log was merged from {len(filled)} runs, each with a topic {topic}; split it"
-                " into one file a run"
+                " into one file per run"
             )
         return filled[0] if filled else None
 

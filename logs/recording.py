@@ -92,9 +92,7 @@ def read_described(description: Description, folder: Path) -> Trace:
     except RecordingError as error:
         raise RecordingError(f"{path.name}: {error}") from None
     except MemoryError:
-        raise RecordingError(
-            f"{path.name} needs more memory than there is; cut it in parts"
-        ) from None
+        raise RecordingError(f"{path.name} needs more memory than there is; split it") from None
 
 
 def read_source(description: Description, source: Source) -> Trace:
@@ -186,7 +184,7 @@ def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
 
 
 def _rows(source: Source, clock: Clock, signal: Signal) -> NDArray[np.bool_]:
-    """Return True for the samples whose time is known: what has none cannot be placed."""
+    """Return True for the samples whose time is known; others cannot be placed on the axis."""
     times = _times(source, clock, signal)
     if times is None:
         return np.ones(signal.values.size, dtype=np.bool_)

@@ -214,7 +214,7 @@ def _description(path: Path, top: Table) -> Description:
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise TableError(f"{channel} is described twice; keep one table of it")
+            raise TableError(f"{channel} is described twice; keep one of the two tables")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
@@ -242,8 +242,8 @@ def _command(table: Table, top: Table) -> Entry:
     unit = known_unit(entry.unit or "", f"{table.path}.unit").si
     if entry.scale is not None or unit not in (*SI["velocity"], "counts/s"):
         raise TableError(
-            f"{table.path}.integral_time_s belongs to the goal of a speed loop; give the unit of"
-            " a speed, and no scale"
+            f"{table.path}.integral_time_s is allowed only where the command is the goal of a speed"
+            " loop; give the unit of a speed, and no scale"
         )
     return replace(entry, integral_time=_positive(table, "integral_time_s"))
 

@@ -1,4 +1,4 @@
-"""Which signal of a file drives, and which are the motion that answers: by names, then by numbers.
+"""Which signal of a file is the command and which are the motion: by names, then by values.
 
 Names say what is measured and what is commanded (`logs/names.py`). Of the joints of a robot the one
 that moves most is taken, with what drives that joint. Where names are ambiguous, numbers decide if
@@ -68,7 +68,7 @@ def follows(goal: Signal, motion: Signal) -> bool:
 
 @dataclass(frozen=True)
 class Speed:
-    """How a speed stands to a position: correlation with its slope, size over it, and news.
+    """How a speed compares with a position: correlation with its slope, ratio to it, and news.
 
     news: the share of it that differences of neighbouring positions do not explain.
     """
@@ -131,7 +131,7 @@ def _pair(one: Signal, other: Signal, t: NDArray[Any] | None = None) -> list[Flo
 
 
 def supplies(signal: Signal) -> bool:
-    """Return whether a voltage stands so still that it supplies, and does not drive."""
+    """Return whether a voltage is so constant that it is a supply and not a command."""
     values = signal.floats()[signal.known]
     return bool(values.size) and float(np.std(values)) < STEADY * abs(float(np.mean(values)))
 
@@ -155,7 +155,7 @@ def sided(names: Sequence[str]) -> tuple[str, str] | None:
 
 
 def rank(said: Naming) -> tuple[float, int]:
-    """Return how near a quantity stands to the force, and among equals what is asked first."""
+    """Return how directly a quantity gives the force; among equals, commanded ones come first."""
     unspecific = said.quantity == "input" and said.role == "command"
     order = 2 if said.role == "measured" else 1 if said.role == "" else 0
     return (6.0 if unspecific else float(FIRST[said.quantity])), order

@@ -4,8 +4,8 @@
     0.00, 0.1,    0.02,  , 0.00, 0.2,    0.03
 
 The same columns again, each time with a time of their own, are runs. Where a run ends before the
-longest one its cells are empty. Told by names alone, a column would be taken of one run and a
-column of another.
+longest one its cells are empty. By names alone, one column could be taken from one run and the next
+from another run.
 """
 
 import re

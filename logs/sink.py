@@ -107,6 +107,6 @@ def _check_target(path: Path) -> None:
     if path.is_dir():
         raise LogPathError(f"{path} is a folder; name a file in it, such as {path / 'run.mcap'}")
     if path.exists() and not path.is_file():
-        raise LogPathError(f"{path} is no regular file; a log needs one, such as run.mcap")
+        raise LogPathError(f"{path} is not a regular file; a log needs one, such as run.mcap")
     if path.exists() and not os.access(path, os.W_OK):
         raise LogPathError(f"{path} exists and is read-only; choose another name")

@@ -1,8 +1,8 @@
 """Readings that repeat the one before because no new one was there.
 
 Two kinds. A sensor that is read more slowly than the log is written repeats every reading equally
-often: all its changes then come at one place in every h samples, which no motion does. And a
-reading may be late now and then: while a position moves by several of its steps per sample, more
+often: all its changes then come at one place in every h samples, which no motion does. A reading
+may also be late only now and then: while a position moves by several of its steps per sample, more
 than its noise could cancel, two values that are equal to the last digit are one reading.
 
 A recording of the first kind is refused, with the rate to use instead; the second is corrected by a

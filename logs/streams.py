@@ -123,7 +123,7 @@ class Streams:
             raise RecordDamaged("a chunk with a message that is too short")
         (channel_id,) = struct.unpack_from("<H", data, offset + FRAME)
         if channel_id not in self.channels:
-            raise RecordDamaged("a chunk of messages whose channel is nowhere described")
+            raise RecordDamaged("a chunk of messages on a channel that is not described")
         return self.ours.get(channel_id)
 
     def _describe(self, record: bytes) -> None:
@@ -151,7 +151,7 @@ def _frame(data: bytes, offset: int) -> tuple[int, int]:
         opcode, length = struct.unpack_from("<BQ", data, offset)
         if offset + FRAME + length <= len(data):
             return opcode, length
-    raise RecordDamaged("a chunk whose records do not add up")
+    raise RecordDamaged("a chunk whose records do not fill it exactly")
 
 
 def _open(channel: Channel, schema: Schema) -> Stream | None:
@@ -169,7 +169,7 @@ def _decode(stream: Stream, record: bytes) -> Samples | EventMessage:
     _, _, _, sequence, log_time, _ = MESSAGE_HEAD.unpack_from(record)
     try:
         if stream.decoder is None:
-            raise RecordDamaged(f"a message of {stream.channel.topic} that is no protobuf")
+            raise RecordDamaged(f"a message of {stream.channel.topic} that is not protobuf")
         body = stream.decoder(record[MESSAGE_HEAD.size :])
         if stream.flat is None:
             residual = getattr(body, TIME_RESIDUAL)

@@ -1,4 +1,4 @@
-"""Stretches of a recording in which no sample lacks: what may be computed on is one of these.
+"""Stretches of a recording without a missing sample; computations use only these.
 
 A sample is missing if its row is missing, which the clock shows by a jump, or if a value of its row
 is no finite number: a sensor that begins late, a cell of text, an empty one. Both are treated the
@@ -6,8 +6,8 @@ same: rows without a number are removed, and the clock then jumps over them.
 
 Short gaps need not cut a recording: `bridged` inserts ticks, and marks them. Missing measurements
 are replaced there by a monotone cubic through their neighbours, for pictures and never for judging.
-A missing command has to follow from its neighbours; if a straight line between them does not
-represent it, the gap stays one, since the device would be driven by a wrong force.
+A missing command has to follow from its neighbours: unless a straight line between them represents
+it, the gap is not bridged, since the device would be driven by a wrong force.
 """
 
 from collections.abc import Iterator, Sequence

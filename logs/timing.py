@@ -154,7 +154,7 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
 def _stays(t: Floats, k: int, period: float) -> bool:
     """Whether the clock is still ahead of the count of samples some samples after a long interval.
 
-    Stamps of a busy host come late and catch up; where a sample lacks they never do.
+    Stamps of a busy host come late and catch up again; after a missing sample they do not.
     """
     before, after = np.arange(max(0, k - BESIDE), k), np.arange(k, min(t.size, k + BESIDE))
     ahead = np.median(t[after] / period - after) - np.median(t[before] / period - before)

@@ -5,8 +5,9 @@
     SymbolName    MAIN.fActPosition    ...
     0             0.12                 0             0.3
 
-Tabs, semicolons or commas part the cells; above the channels stand lines about the whole. Times are
-milliseconds, of each channel its own. Layout: TF3300 TC3 Scope Server, "Export formats: CSV".
+Tabs, semicolons or commas separate the cells; lines about the whole file stand above the channels.
+Times are milliseconds, of each channel its own. Layout: TF3300 TC3 Scope Server, "Export formats:
+CSV".
 """
 
 import re

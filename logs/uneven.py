@@ -1,8 +1,8 @@
 """Samples at uneven instants, brought onto even ticks where the motion shows that they were uneven.
 
-A loop on a busy host samples late, and stamps the true times; a logger on one stamps late what was
-sampled evenly. Both files look alike, and the motion distinguishes them. The difference between a
-sample at index k and the cubic through its two neighbours on each side,
+A loop on a busy host samples late, and stamps the true times; a logger on such a host puts late
+stamps on samples that were taken evenly. Both files look alike, and the motion distinguishes them.
+The difference between a sample at index k and the cubic through its two neighbours on each side,
 
     r_k = y_k - (4 (y_(k-1) + y_(k+1)) - (y_(k-2) + y_(k+2))) / 6,
 
@@ -51,7 +51,7 @@ class Scatter:
 
 
 def scatter(trace: Trace, outputs: Sequence[str]) -> Scatter | None:
-    """Return how far uneven stamps show in outputs; None where stamps are even, or too few."""
+    """Return how clearly the outputs show uneven stamps; None if stamps are even, or too few."""
     t = trace.t
     if t.size < FEWEST:
         return None

@@ -1,4 +1,4 @@
-"""Units that recordings are written in, and what each is in SI."""
+"""Units in which recordings are written, and the value of each in SI."""
 
 import math
 import re
@@ -145,5 +145,5 @@ def known_unit(text: str, where: str) -> Unit:
     """Return the unit, or raise ValueError that begins with `where` and names the nearest one."""
     unit = find_unit(text)
     if unit is None:
-        raise ValueError(f"{where} is {text!r}, no unit that is known here; {nearest(text, UNITS)}")
+        raise ValueError(f"{where} is {text!r}, which is not a known unit; {nearest(text, UNITS)}")
     return unit

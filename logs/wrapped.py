@@ -1,12 +1,12 @@
-"""Positions that start anew where a counter or an angle does, brought back to one that goes on.
+"""Positions that jump where a counter or an angle starts again, made continuous.
 
     y_k - y_(k-1) = (q_k - q_(k-1)) - M or + M,    M what the counter holds, or a turn.
 
-It is distinguished from a motion by four signs: every such step has one size; before and after it
-the motion continues at its own pace; all readings lie within M; and both ends and the middle of it
-are visited, which is not so for a single wrong reading or a switch. M is a turn if it agrees with
-one to a hundredth, else a power of two of the reading's steps if it agrees as well, else the mean
-of the steps.
+A wrap is distinguished from a motion by four signs: all such steps have the same size; before and
+after it the motion continues at its own pace; all readings lie within M; and both ends and the
+middle of it are visited, which is not so for a single wrong reading or a switch. M is a turn if it
+agrees with one to a hundredth, else a power of two of the reading's steps if it agrees as well,
+else the mean of the steps.
 """
 
 import math
@@ -29,7 +29,7 @@ NEAR = 0.01  # of M, within which a turn or a whole counter is meant
 
 
 def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
-    """Return a counter (samples,) of known modulus as one that goes on, and how often it wraps.
+    """Return a counter (samples,) of known modulus without its wraps, and how many there were.
 
     The least of the steps that two readings may be apart is taken, less than half of the modulus;
     over a gap it is that between the readings around it.
@@ -41,7 +41,7 @@ def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
 
 
 def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace whose positions go on, and a sentence on those that did not; "" for none."""
+    """Return a trace with continuous positions, and a sentence on the wraps; "" for none."""
     said: list[str] = []
     channels = dict(trace.channels)
     for channel in positions:

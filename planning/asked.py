@@ -1,4 +1,4 @@
-"""What a plan takes where it is not given: how long, how strong, under which noise."""
+"""Default values of a plan: how long, how strong, under which noise."""
 
 from zwidth.diagnosis.recording.experiment import SHORTEST
 from zwidth.planning.excitations import Scale

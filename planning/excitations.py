@@ -1,4 +1,4 @@
-"""A library of excitations, each as strong as a device bears, and as scenario files that play.
+"""A library of excitations, as strong as the device allows, and as scenario files to play.
 
 `zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). The
 strength is limited by the largest command (level) and by the largest travel of the simulated
@@ -59,7 +59,7 @@ def scale_for(
     level: float | None = None,
     travel: float | None = None,
 ) -> Scale:
-    """Return how strong excitations may be: as given, else as recorded, else as the device bears.
+    """Return how strong excitations may be: as given, else as recorded, else as the device allows.
 
     Without a recording the travel is 1 rad or 0.1 m. Without one that a command drives, the level
     is 90 % of the command limit; without that limit either, the level at which white noise has this

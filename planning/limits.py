@@ -8,8 +8,8 @@ matched filter that may refit all of that sees the effect at
     sigma = |(I - P) s|,    P the projector on the span of J:
 
 which is the square root of the chi-square that a fit gains by the effect if the effect is true (for
-one parameter this is the Cramer-Rao bound). An effect that is itself among the absorbed is not
-absorbed by itself. Signatures of clipping, free play and steps are not linear in magnitude, so the
+one parameter this is the Cramer-Rao bound). If the effect is itself one of these, it does not
+absorb itself. Signatures of clipping, free play and steps are not linear in magnitude, so the
 magnitude at which sigma = 5 is found by bracketing. The clock's skew has the effect of a delay and
 is only limited by its prior: a delay of d has a sigma of at most d over the prior's width.
 

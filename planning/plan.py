@@ -59,7 +59,7 @@ class Visible:
 
 @dataclass(frozen=True)
 class Confusable:
-    """Two effects, one of which the other pretends at three times its limit.
+    """Two effects, one of which looks like the other at three times its limit.
 
     separation_sigma: of the nearer of the two ways round. better: the excitation of the library
     that separates them best, with its sigma; None where none reaches five sigma.
@@ -93,7 +93,7 @@ def plan(
 ) -> tuple[Plan, Reference]:
     """Return what a (rehearsed) recording would show, and the reference that it was read by.
 
-    advance is told every effect that is done. `better_excitations` fills in what would do better.
+    advance is called after every effect. `better_excitations` fills in what would do better.
     """
     prepared = reference(device, [experiment], noise)
     sizes = sizes_of(device, [experiment])

@@ -1,4 +1,4 @@
-"""A device on experiments, with everything that a linear refit could absorb of a new effect."""
+"""A device on experiments, with all that a linear refit could absorb of a new effect."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -62,7 +62,7 @@ class Reference:
 
     @cached_property
     def starts(self) -> list[Start]:
-        """Every effect at every place that the device could have besides, with shapes."""
+        """Every further effect at every place that the device could have, with shapes."""
         return candidates(self.device, self.experiments)
 
     def off(self, *effects: str) -> Complement:

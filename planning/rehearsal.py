@@ -1,4 +1,4 @@
-"""A recording as it would be: a device played a command, seen through noise.
+"""A simulated recording of a planned experiment: the response of a device to a command, with noise.
 
 The information of an experiment is computed before it is made, so the recording is simulated, with
 the noise that the rig is believed to have: a random force at m1, new every tick, and noise of the
@@ -67,7 +67,7 @@ def rehearse(
         substeps=usual_substeps(device),
     )
     if run.outcome is not Outcome.COMPLETED:
-        raise RunsAway(f"{device.name} runs away under {name}: {run.outcome.value}")
+        raise RunsAway(f"the motion of {device.name} diverges with {name}: {run.outcome.value}")
     scale = [1.0 if o.quantity == "position" else 1.0 / period for o in outputs]
     sensed = [o.name == "position_m1" for o in outputs]
     seen = ["encoder" if at else o.name for at, o in zip(sensed, outputs, strict=True)]
@@ -101,7 +101,7 @@ def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Obse
 
 
 def noise_of(device: Device, experiment: Experiment, observer: Observer) -> Noise:
-    """Return the noise that an observer stands for: the inverse of `known_observer`."""
+    """Return the noise for which an observer is optimal: the inverse of `known_observer`."""
     unit = known_observer(
         device.with_interface(encoder_step=0.0), experiment, _of_ratio(device, experiment, observer)
     )

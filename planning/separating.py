@@ -1,4 +1,4 @@
-"""The excitation that would tell a doubtful finding from its nearest rival."""
+"""The excitation that separates a doubtful finding from its nearest rival."""
 
 from pathlib import Path
 

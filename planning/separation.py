@@ -1,4 +1,4 @@
-"""How far an effect stands from the nearest that another effect could pretend, refit included.
+"""How far an effect is from the nearest imitation by another effect, with the refit included.
 
 The distance, in sigma, from the effect's signature s to all that refit and rival reach together:
 

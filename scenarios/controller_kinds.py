@@ -56,7 +56,9 @@ def read_controller(table: Table, files: Files, step: Step | None = None) -> Con
     if kind not in KINDS:
         raise TableError(f"{table.path}.kind is {kind!r}; {nearest(kind, [*KINDS, USER])}")
     if step is not None:
-        raise TableError(f"{table.path}.kind is {kind!r}, which is built in; leave yours out")
+        raise TableError(
+            f"{table.path}.kind is {kind!r}, which is built in; leave your function out"
+        )
     factory = KINDS[kind]
     arguments = inspect.signature(factory, eval_str=True).parameters
     table.only(("kind", *arguments))
@@ -133,7 +135,7 @@ def _value(table: Table, key: str, kind: object, files: Files) -> object:
 
 
 def _array(table: Table, key: str, files: Files) -> Floats:
-    """Numbers in place, or a text that names a file of them: .npy, else one number a line."""
+    """Numbers in place, or a text that names a file of them: .npy, else one number per line."""
     try:
         name = table.text(key)
     except TableError:

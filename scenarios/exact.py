@@ -54,7 +54,8 @@ def with_computed(setup: Setup, data: bytes) -> tuple[Setup, list[str]]:
             continue
         if name not in SIGNALS:
             raise NotTheSame(
-                f"{name} in the log is not what its device and start give; the log was changed, or"
+                f"{name} in the log differs from what its device and start give; the log was"
+                " changed, or"
                 " written by a version of zwidth that computes it differently"
             )
         notes.append(

@@ -62,7 +62,7 @@ class Inverted(NamedTuple):
 
 
 def inverted(row: Row, model: ModalModel, period: float) -> Inverted:
-    """Return what a row says beside a model of the plant."""
+    """Return the plant that a row measures, beside the model's."""
     rate = 2.0 * np.pi * row.frequency
     z = complex(np.exp(1j * rate * period))
     delayed = z ** round(row.delay / period)

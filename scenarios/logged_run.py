@@ -34,7 +34,7 @@ COMPUTED = "computed.npz"
 
 
 class Block(NamedTuple):
-    """A piece of a run: a sample a tick, a sample a substep where asked for, outcome so far."""
+    """A piece of a run: a sample per tick, a sample per substep where asked for, outcome so far."""
 
     tick: Trace
     fine: Trace | None

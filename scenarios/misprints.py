@@ -1,4 +1,4 @@
-"""Which rows of a table of critical oscillations no smooth plant explains, and the B they imply.
+"""Rows of critical oscillations that no smooth plant explains, and the B that they imply.
 
 A row gives c = ln(measured plant / model) (`scenarios/inversion.py`). A smooth plant leaves c
 smooth in f: before the jump of f a line through the other rows of the same delay, after it a
@@ -99,8 +99,9 @@ def _trend(rows: Sequence[Row], i: int, c: NDArray[np.complex128]) -> complex:
     near = [j for j in range(len(rows)) if j != i and _neighbours(one, rows[j])]
     if len(near) < (1 if jumped else 3):
         raise ValueError(
-            f"the row at {1e3 * one.delay:g} ms, B = {one.damping:g} has {len(near)} neighbours; 3"
-            " of its delay are needed before the jump of f, after it 1 within a tenth of its f"
+            f"the row at {1e3 * one.delay:g} ms, B = {one.damping:g} has {len(near)} neighbours;"
+            " before the jump of f it needs 3 rows with the same delay, after it 1 row whose f is"
+            " within a tenth"
         )
     f = np.array([rows[j].frequency for j in near])
     if jumped:

@@ -76,7 +76,7 @@ def _scenario(log: Log, controller: Step | None) -> Scenario:
     try:
         text = _attachment(log, SCENARIO).decode()
     except UnicodeDecodeError:
-        raise ReplayError(f"{log.path}: its {SCENARIO} is no text; the log was changed") from None
+        raise ReplayError(f"{log.path}: its {SCENARIO} is not text; the log was changed") from None
     return scenario_from_text(
         text, f"{log.path}, {SCENARIO}", files=lambda name: _attachment(log, name), step=controller
     )

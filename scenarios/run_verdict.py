@@ -1,4 +1,4 @@
-"""What a run does once left alone: decay, cycle or grow; and what becomes of it at a wall."""
+"""What a run does after the last disturbance: decay, cycle or grow; and how it ends at a wall."""
 
 import math
 from typing import NamedTuple
@@ -41,7 +41,7 @@ class Ending(NamedTuple):
 def run_verdict(
     scenario: Scenario, trace: Trace, outcome: Outcome, perception: Perception = Perception()
 ) -> Ending | None:
-    """Return what one finished run does in the end, None where it says nothing of stability.
+    """Return what one finished run does in the end, None if it shows nothing about stability.
 
     Judged is the part in which no disturbance changes, in windows of 0.5 s, or shorter ones where
     the run is short; a run that escaped grows. None for a driven device and for too short a run.

@@ -130,7 +130,7 @@ class Scenario(Shown):
 
 
 def one_is_exact(device: Device) -> bool:
-    """Whether one substep a tick is exact: no dry friction, no smooth nonlinear force."""
+    """Whether one substep per tick is exact: no dry friction, no smooth nonlinear force."""
     return not any(p.effect.hook in ("force", "friction") for p in device.physics)
 
 

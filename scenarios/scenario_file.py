@@ -149,7 +149,8 @@ def _device(top: Table, files: Files) -> Device:
         name = table.text("name")
         if name not in shipped_devices():
             raise TableError(
-                f"device.name is {name!r}, no shipped device; {nearest(name, shipped_devices())}"
+                f"device.name is {name!r}, which is not a shipped device;"
+                f" {nearest(name, shipped_devices())}"
                 " (a file of your own is given as path)"
             )
         device = load_device(name)

@@ -1,4 +1,4 @@
-"""What the kernel is asked for: each call is counted, for whoever wants to know what work costs.
+"""A count of the kernel's calls, which measures the cost of a computation.
 
 A member-tick is one tick of one device. To count, set `BOOK`; calls on other threads count too,
 since `jobs.parallel` passes the context on.

@@ -1,4 +1,4 @@
-"""How far the free runs of a device err while it is still true of its machine."""
+"""How large the errors of a device's free runs are while the device still describes its machine."""
 
 import math
 from dataclasses import dataclass

@@ -78,10 +78,10 @@ class Device(Shown):
             label = place_label(physics)
             if home(physics) is not None:
                 raise DeviceError(
-                    f"{label} belongs to {home(physics)}, not to physics; add it by with_physics"
+                    f"{label} is set in {home(physics)}, not in physics; add it by with_physics"
                 )
             if label in seen:
-                raise DeviceError(f"{label} is twice in physics; give it once")
+                raise DeviceError(f"{label} occurs twice in physics; give it once")
             seen.add(label)
             if physics.effect.rotary_only and not self.rotary:
                 raise DeviceError(f"{label} needs an angle; a device with rotary = false has none")
@@ -305,7 +305,7 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
 
 
 def has_room(effect: Effect, masses: int) -> bool:
-    """Whether a device of so many masses, its effects' included, may have another effect.
+    """Whether a device with this many masses, its effects' included, may have another effect.
 
     With filtered readings this holds if each filter has a reading.
     """

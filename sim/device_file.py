@@ -147,7 +147,7 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
 def _sized(device: Device, where: str) -> Device:
     """Return the device, if its numbers have a size that can be simulated.
 
-    Raises DeviceError for others, which are slips of a unit or of an exponent: a kernel would
+    Raises DeviceError for other sizes, which are errors of a unit or an exponent: a kernel would
     overflow, or a run take years. For a modal device, that of the equivalent chain.
     """
     for field, (least, most, unit) in SIZES.items():
@@ -254,7 +254,7 @@ def commented_text(device: Device) -> str:
 
 
 def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
-    """What the keys of a force over one or two states are, by those states."""
+    """The meaning of the keys of a force over one or two states."""
     grid, force = grid_of(physics.values), "N m" if rotary else "N"
     axes = zip(("rows", "columns"), grid.over, strict=False)
     found = {("", key): f"[{state_unit(over, rotary)}] {over} of each" for key, over in axes}
@@ -275,7 +275,7 @@ def _tables_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], st
 
 
 def template_text(masses: int) -> str:
-    """Return a device file of so many masses to start from: every key, explained, most of them off.
+    """Return a device file of this many masses to start from: all keys explained, most off.
 
     Raises ValueError for a number of masses that no chain has.
     """
@@ -356,7 +356,7 @@ def _device(top: Table) -> Device:
     labels = [place_label(physics) for physics in entries]
     for i, label in enumerate(labels):
         if label in labels[:i]:
-            raise TableError(f"physics[{i}] is {label} once more; give each effect once a place")
+            raise TableError(f"physics[{i}] repeats {label}; give each effect once per place")
     device = Device(
         top.text("name"),
         top.text("source", ""),

@@ -1,4 +1,4 @@
-"""A drive as its data sheet has it, brought to what a device already knows.
+"""A drive, described by its data sheet, in terms of what a device already contains.
 
 A winding of resistance R and inductance L, a motor constant k_t, a back-EMF k_e and a gear of ratio
 g between motor and m1, on the supply U:
@@ -124,7 +124,7 @@ class Drive:
             raise ValueError(f"drive.when_off is {self.when_off!r}; {nearest(self.when_off, WAYS)}")
         if self.kind == "current" and math.isfinite(self.supply_v) != (self.resistance_ohm > 0.0):
             raise ValueError(
-                "drive.supply_v and drive.resistance_ohm tell together how the limit of a current"
+                "drive.supply_v and drive.resistance_ohm together say how the limit of a current"
                 " falls with speed; give both, or neither"
             )
 
@@ -141,7 +141,7 @@ class Drive:
 
     @property
     def damper(self) -> float:
-        """The damper at m1 that the back-EMF is."""
+        """The damper at m1 by which the back-EMF acts."""
         return 0.0 if self.kind in ("current", "position") else self._back
 
     @property
@@ -151,7 +151,7 @@ class Drive:
 
     @property
     def most(self) -> float:
-        """Largest force that a command asks for."""
+        """Largest force that a command can demand."""
         if self.kind == "position":
             return self.limit
         if self.kind == "servo":
@@ -198,7 +198,7 @@ class Drive:
         return self.inductance_h / self.resistance_ohm
 
     def on(self, device: Device) -> Device:
-        """Return a device with this drive; a limit of its own stays where it is lower."""
+        """Return a device with this drive; a lower limit of the device itself is kept."""
         driven = device.with_interface(command_gain=device.interface.command_gain * self.gain)
         if self.loop:
             return driven.with_physics(*self.loop, *self.when_switched)

@@ -1,4 +1,4 @@
-"""exp, log, sin, cos, tanh and atan of + - * / alone, for one number or for a lane each.
+"""exp, log, sin, cos, tanh and atan, computed by + - * / alone, for one number or for lanes.
 
 A library's functions differ between systems and take one number at a time. These have the same
 bits everywhere, alone and in lanes. Each reduces its argument exactly or nearly so and sums a

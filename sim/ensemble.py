@@ -37,7 +37,7 @@ ROWS = (
 
 @dataclass(frozen=True)
 class Walls:
-    """Built-in walls of an ensemble, one value a run (runs,): K, B, position, one-sided.
+    """Built-in walls of an ensemble, one value per run (runs,): K, B, position, one-sided.
 
     law: the law of all of them.
     """

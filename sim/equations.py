@@ -118,7 +118,7 @@ class Equations(NamedTuple):
 
 
 def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0) -> Equations:
-    """Prepare a device for the kernel with at least `substeps` substeps a tick.
+    """Prepare a device for the kernel with at least `substeps` substeps per tick.
 
     seed: of what happens at random (0 to 2^64 - 1). With only linear physics one substep is exact.
     Raises ValueError for substeps < 1, too few of them for dry friction, or a seed out of range.
@@ -147,7 +147,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
     Raises ValueError for substeps < 1 or a seed out of range.
     """
     if substeps < 1:
-        raise ValueError(f"substeps is {substeps}; at least 1 substep a tick is needed")
+        raise ValueError(f"substeps is {substeps}; at least 1 substep per tick is needed")
     if not 0 <= seed < 2**64:
         raise ValueError(f"seed is {seed}; allowed is 0 to 2^64 - 1")
     plant = device.plant()
@@ -208,7 +208,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
 
 
 def enough_substeps(device: Device, wanted: int = 1) -> int:
-    """Return how many substeps a tick a device takes: `wanted`, or more where it needs more.
+    """Return how many substeps per tick a device takes: `wanted`, or more where it needs more.
 
     Only dry friction needs more (`enough_of`).
     """
@@ -222,7 +222,7 @@ def dry_masses(physics: Iterable[Physics]) -> tuple[int, ...]:
 
 
 def enough_of(plant: Plant, dry: Sequence[int], interface: Interface, wanted: int = 1) -> int:
-    """Return how many substeps a tick a plant takes with dry friction at some masses.
+    """Return how many substeps per tick a plant takes with dry friction at some masses.
 
     A force held over a substep h must not result in a velocity of the opposite sign (`_too_long`);
     omega h < pi for the fastest mode is sufficient. `SPARED` of it is left as a margin, so that a
@@ -341,13 +341,13 @@ def too_few_substeps(
     counts: Sequence[int],
     durations: Sequence[float],
 ) -> str | None:
-    """Say what is wrong with substeps so long that a held force may come out as its contrary."""
+    """Say that substeps are so long that a held force may act in the opposite direction."""
     if not any(_too_long(plant, dry, h) for c, h in zip(counts, durations, strict=True) if c > 0):
         return None
     return (
         f"substeps is {max(1, round(period / max(durations)))}; dry friction on a device whose"
         f" fastest mode has {_fastest(plant) / (2.0 * np.pi):.4g} Hz needs at least"
-        f" {_sure_substeps(plant, period)} substeps a tick"
+        f" {_sure_substeps(plant, period)} substeps per tick"
     )
 
 

@@ -10,7 +10,8 @@ position a substep and the amplifier's force in what moves by one, in powers of 
 digits and keeps |X| near omega h, where the units of the device would make it omega^2 h. A row of
 zeros in A (a locked mass) stays what it is, exactly: that mass does not move.
 
-Of + - * / alone, so every processor has the same bits, and a lane those of a run alone.
+Computed by + - * / alone, so every processor gives the same bits, and a lane gives those of a
+single run.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false

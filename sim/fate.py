@@ -1,4 +1,4 @@
-"""What becomes of a wall's run: the one place that says so.
+"""How a run at a wall ends: the only place that decides this.
 
 rests     comes to rest, or decays towards it
 dithers   oscillates on, kept up by the steps of encoder or command alone, and too weakly to be felt
@@ -7,10 +7,10 @@ grows     grows, without bound or until the amplifier's limit holds it, or settl
           that steps alone cannot keep up (that of play, of friction, of the limit)
 undecided none of these yet when the time is up
 
-A wall is stable unless it grows. What divides dither from growth is a bound. A step of the encoder
-or of the command is an error e of at most half a step, |e| <= D/2, added to what is read. On a loop
-that is stable without it, such an error can keep an oscillation up but not let it grow. How large
-that may be, in first harmonics (describing function):
+A wall is stable unless it grows. An upper bound on the amplitude divides dither from growth. A step
+of the encoder or of the command is an error e of at most half a step, |e| <= D/2, added to what is
+read. On a loop that is stable without it, such an error can keep an oscillation up but not let it
+grow. How large that may be, in first harmonics (describing function):
 
     y = -T_c e,  T_c = L / (1 + L),   |e|_1 <= (4/pi) D/2,   so   A <= (2/pi) D max_w |T_c(w)|
 
@@ -91,7 +91,7 @@ class Dither(NamedTuple):
 
     @classmethod
     def unknown(cls, walls: int, steps: float = FEW) -> "Dither":
-        """Return what is said of walls whose linear loop is not known."""
+        """Return the dither of walls whose linear loop is not known."""
         return cls(np.full(walls, steps), np.zeros(walls, dtype=bool), np.zeros(walls, dtype=bool))
 
 
@@ -113,12 +113,12 @@ class Conditions(NamedTuple):
     dither: Dither | None = None
 
     def of_interface(self, field: str) -> Floats:
-        """Return a number of the interface, one a run."""
+        """Return a number of the interface, one per run."""
         values = [float(getattr(device.interface, field)) for device in self.devices]
         return np.array(values)[self.which]
 
     def dither_of(self, asked: Flags) -> Dither:
-        """Return what steps keep up for the runs that are asked for, `FEW` for the others."""
+        """Return the amplitude that steps sustain for the selected runs, `FEW` for the others."""
         if self.dither is not None:
             return self.dither
         found = Dither.unknown(self.which.size)
@@ -132,7 +132,7 @@ class Conditions(NamedTuple):
 
 
 def rest_amplitude(device: Device, start: float) -> float:
-    """Return the amplitude below which an oscillation is none: 1e-3 of its start, 0.02 steps."""
+    """Return the amplitude below which a run counts as at rest: 1e-3 of its start, 0.02 steps."""
     step = device.interface.encoder_step
     rest = REST_OF_START * abs(start)
     return min(rest, REST_OF_STEP * step) if step > 0.0 else rest

@@ -1,4 +1,4 @@
-"""How a filtered reading follows a motion: the equations of what is read, and of its rate.
+"""How a filtered reading follows a motion: the equations of the reading and of its rate.
 
 From a motion q with speed v, the reading s and its rate g = s' follow by
 

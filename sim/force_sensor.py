@@ -1,13 +1,13 @@
-"""A force sensor in a link of the chain, and what its force is of the state.
+"""A force sensor in a link of the chain, and its force as a function of the state.
 
-The sensor measures what the device presses the masses beyond it with, the force of the link's
+The sensor measures the force with which the device presses the masses beyond it, that of the link's
 spring and damper, F = k (q_i - q_{i+1}) + c (v_i - v_{i+1}), at the moment of the encoder's reading
 and without an error. The interface feeds it back: of a law's command w it makes
 
     u = w + G (w - F),
 
 so that the hand feels the mass and damping on the device's side of the sensor divided by 1 + G, and
-the wall as it is (C. R. Carignan, K. R. Cleary, Haptics-e 1 (2), 2000: closed-loop impedance
+the wall unchanged (C. R. Carignan, K. R. Cleary, Haptics-e 1 (2), 2000: closed-loop impedance
 control).
 
 Limits: forces of effects inside the sensor's link are not measured.

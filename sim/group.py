@@ -107,7 +107,7 @@ def stack(members: Sequence[Member]) -> Stack:
     """Put members of one structure together; raises ValueError where they differ in it."""
     first = members[0].eq
     if any(m.structure != members[0].structure for m in members[1:]):
-        raise ValueError("members of a stack differ in structure; put each structure by itself")
+        raise ValueError("members of a stack differ in structure; make a stack for each structure")
 
     def table(field: str) -> EffectTable:
         own: EffectTable = getattr(first, field)

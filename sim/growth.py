@@ -1,4 +1,4 @@
-"""Does it decay, cycle or grow? The sign of the growth rate of a run's oscillation energy.
+"""Does a run decay, cycle or grow? The sign of the growth rate of a run's oscillation energy.
 
 The energy of an oscillation that grows as exp(sigma t) grows as exp(2 sigma t). Over a window with
 smooth weights (cos^4) its mean is free of the ripple at twice the oscillation's frequency down to
@@ -16,13 +16,12 @@ and not as growing before it stands out of the rounding.
 
 Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
 slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
-cycle: its amplitude hardly changes over the last half, and what slope there is is not significant.
+cycle: its amplitude hardly changes over the last half, and any slope is not significant.
 (Slow growth hardly changes it either, but its slope is significant.)
 
-A window that is shorter than a cycle contains only a part of it, and so neither its energy nor its
-amplitude. If limit cycles are possible, windows are joined until one contains a cycle. A run in
-which fewer than `FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests
-or escapes.
+A window that is shorter than a cycle shows neither the energy nor the amplitude of the cycle. If
+limit cycles are possible, windows are joined until one contains a cycle. A run in which fewer than
+`FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests or escapes.
 
 Limit: two growing modes within one octave are seen as their sum.
 """
@@ -77,7 +76,7 @@ def window_weights(ticks: int) -> Floats:
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of an ensemble's runs, one value a run (runs,).
+    """Growth of an ensemble's runs, one value per run (runs,).
 
     verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided, the one that
     grows, else the one that decays more slowly. amplitude: half the range of m1's position in the

@@ -127,7 +127,7 @@ def across(x, offset, first, second):
 
 @part
 def with_integral(eq, held, internal):
-    """Return the held command with the force that a loop's integral adds to what it asks for."""
+    """Return the held command plus the force of a loop's integral action."""
     table = eq.forces
     for e in range(table.codes.size):
         if table.codes[e] == INTEGRAL:
@@ -287,7 +287,7 @@ def slide(p, dof, states, limits, friction, x):
     h below half the period of the fastest mode, positive definite (`sim/equations.py` sees to it):
     f is the only minimum of f'Wf/2 + f'v_free over the bounds, and every step of a sweep is the
     exact minimum in one force, so the sweeps converge from anywhere. One mass needs a single sweep
-    and is exact. A lane that has converged stands still while others go on.
+    and is exact. A lane that has converged does not change while others continue.
     """
     column = states + 1
     sliding = 0.0
@@ -486,7 +486,7 @@ def place_booked(eq, members, w, x, own, row):
 
 @part
 def open_energy(eq, members, x):
-    """Energy [J] that springs of links would have that carry nothing."""
+    """Energy [J] that the springs of links with no load would have."""
     energy = 0.0
     for g in range(eq.gaps.size):
         if int(members) >> g & 1 == 1:

@@ -1,4 +1,4 @@
-"""What a key of a TOML file is, for people: one declaration for comments, reference and tests."""
+"""The description of a key of a TOML file: one declaration for comments, reference and tests."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ The parts of the kernel are written once, over numbers that numba takes for eith
     Lanes     `WIDTH` runs side by side in a vector register, one operation for all of them
 
 A lane does the operations of a run alone, in the same order, and none of them depends on its
-neighbours, so it has the same bits. What parts the lanes is a condition, a bool or one for each
+neighbours, so it has the same bits. Lanes can differ only in a condition: one bool, or one for each
 lane. Code that must serve both says
 
     select(c, a, b)    a where c, else b: both are computed, each lane takes its own

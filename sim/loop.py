@@ -128,9 +128,9 @@ def linear_estimator(interface: Interface) -> Linear:
     estimator = interface.estimator
     if estimator.linear is None:
         raise ValueError(
-            f"velocity_estimator is {estimator.name!r}, whose gain depends on the motion, and"
-            " linear theory takes none such: use difference, kalman or kalman_acceleration, or look"
-            " at simulated runs"
+            f"velocity_estimator is {estimator.name!r}, whose gain depends on the motion, so linear"
+            " theory does not apply: use difference, kalman or kalman_acceleration, or look at"
+            " simulated runs"
         )
     return estimator.linear(interface.estimator_settings)
 

@@ -1,4 +1,4 @@
-"""Devices of one make with numbers of their own, as arrays: what a population is made from at once.
+"""Devices of one structure with different numbers, as arrays from which populations are made.
 
 A search evaluates thousands of devices that differ only in numbers. Here these numbers are arrays
 with a first axis of members, changed as those of a `Device` are (`with_physics`, `with_interface`),
@@ -59,7 +59,7 @@ class Members:
         return self.chains.masses.shape[0]
 
     def device(self, i: int) -> Device:
-        """Return a member; raises ValueError, DeviceError among it, where it can be no device."""
+        """Return a member; raises ValueError or DeviceError if it is not a possible device."""
         return self._device(lambda numbers: numbers[i])
 
     def _device(self, of: Callable[[Floats], Floats]) -> Device:
@@ -86,7 +86,7 @@ class Members:
         return self.device(0)
 
     def check(self) -> None:
-        """Raise what `device` raises, if any member can be no device.
+        """Raise what `device` raises, if any member is not a possible device.
 
         The allowed range of a number is an interval that does not depend on the others, so all
         members are within it if the smallest and the largest number are.
@@ -97,7 +97,7 @@ class Members:
             self._device(lambda numbers, of=extreme: of(numbers, axis=0, keepdims=False))
 
     def _plainly_sound(self) -> bool:
-        """Whether every chain is one and every number within the bounds of its effect."""
+        """Whether every chain is valid and every number within the bounds of its effect."""
         c = self.chains
         chained = (
             bool(np.all(c.masses > 0.0) and np.all(c.link_springs > 0.0))
@@ -118,7 +118,7 @@ class Members:
         return True
 
     def taken(self, which: Ints | list[int]) -> "Members":
-        """Return some of the members, in this order; themselves where it is all of them."""
+        """Return some of the members, in this order; the same object if these are all of them."""
         if np.array_equal(which, np.arange(self.size)):
             return self
         return replace(
@@ -148,7 +148,7 @@ class Members:
         return np.full(self.size, float(getattr(self.like.interface, name)))
 
     def with_physics(self, physics: Physics, values: Floats) -> "Members":
-        """Return them with an effect, values (members, parameters), brought to its home.
+        """Return them with an effect, kept where a device keeps it; values (members, parameters).
 
         As `Device.with_physics` brings it.
         """
@@ -168,7 +168,7 @@ class Members:
         )
 
     def without_physics(self, left_out: Callable[[Physics], bool]) -> "Members":
-        """Return them without the effects of which that is true."""
+        """Return them without the effects for which the condition is true."""
         kept = [i for i, p in enumerate(self.physics) if not left_out(p)]
         return replace(
             self,
@@ -217,7 +217,7 @@ class Members:
         return whole.astype(np.int64), np.where(left > 1e-9 * period, left, 0.0)
 
     def enough_substeps(self) -> Ints:
-        """Return how many substeps a tick each takes at least, as `equations.enough_substeps`.
+        """Return how many substeps per tick each takes at least, as `equations.enough_substeps`.
 
         They are of one of the `kinds`.
         """
@@ -234,7 +234,7 @@ class Members:
 
 
 def alike(device: Device, count: int) -> Members:
-    """Return so many members that are the same device."""
+    """Return this many members that are the same device."""
 
     def rows(numbers: Floats | float) -> Floats:
         own = np.asarray(numbers, dtype=np.float64)
@@ -255,7 +255,7 @@ def together(rows: NDArray[np.generic]) -> list[Ints]:
 
 
 class Stacked(NamedTuple):
-    """Members of one structure, by their index, in few and in many substeps a tick."""
+    """Members of one structure, by their index, in few and in many substeps per tick."""
 
     which: Ints
     coarse: Stack

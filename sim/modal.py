@@ -1,4 +1,4 @@
-"""Eq. (1) of the paper: rigid body times one factor a mode; to the chain and back."""
+"""Eq. (1) of the paper: rigid body times one factor per mode; to the chain and back."""
 
 import math
 from dataclasses import dataclass
@@ -106,8 +106,9 @@ def to_chain(model: ModalModel) -> Chain:
     ]
     if not fitting:
         raise ValueError(
-            f"modal: {len(model.modes) + 1} positive masses and springs have no such response to"
-            " eight digits; put each v below its omega, keep c < 2 omega, and remove a mode that"
+            f"modal: no chain of {len(model.modes) + 1} positive masses and springs has this"
+            " response"
+            " to eight digits; put each v below its omega, keep c < 2 omega, and remove a mode that"
             " cancels itself"
         )
     best = max(fitting, key=lambda chain: sum(negative_dampers(chain).values()))

@@ -29,7 +29,7 @@ INTERFACE = {
 
 
 class Named(NamedTuple):
-    """A number with its SI unit and bounds; factor: its scatter is one of its logarithm."""
+    """A number with its SI unit and bounds; factor: its uncertainty is that of its logarithm."""
 
     value: float
     unit: str

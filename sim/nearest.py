@@ -1,4 +1,4 @@
-"""What to say to a word that nobody knows."""
+"""What an error message suggests for an unknown word."""
 
 import re
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Where effects of the user's own are declared: files that the kernels are compiled with.
+"""Where a user's own effects are declared: files that are compiled into the kernels.
 
 Those in `ZWIDTH_EFFECTS` (files or folders, separated as in PATH), else those in a folder `effects`
 of the current folder. They are read when zwidth is imported, since an effect is compiled into the

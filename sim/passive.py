@@ -1,4 +1,4 @@
-"""The nearest passive chain: where a fit asks for negative dampers, what comes closest without.
+"""The nearest passive chain: if a fit has negative dampers, the closest chain without them.
 
 It minimises the rms over a logarithmic grid of frequencies of the relative complex error |G_passive
 / G - 1|, so that a resonance and its flanks, an octave at 2 Hz and one at 200 Hz have equal weight.

@@ -1,4 +1,4 @@
-"""When a hand feels an oscillation: from a force on, or from a motion on.
+"""When a hand feels an oscillation: above a threshold of force, or of motion.
 
 Force. H. H. King, R. Donlin and B. Hannaford (Perceptual thresholds for single vs. multi-finger
 haptic interaction, Haptics Symposium 2010) found that fingertips notice a force of a device from 29

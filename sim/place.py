@@ -44,7 +44,7 @@ class Place:
 
     @property
     def acts_on(self) -> "Place":
-        """The mass or link that feels it: what ties m1 to ground is felt by m1."""
+        """The mass or link on which it acts: an effect between m1 and ground acts on m1."""
         return Place("mass", 0) if self.kind == "ground" else self
 
     def row(self, masses: int) -> NDArray[np.float64]:
@@ -69,7 +69,7 @@ LINKS = tuple(str(Place("link", i)) for i in range(MOST_MASSES - 1))
 
 @cache
 def place_at(text: str) -> Place:
-    """Return the place that a file writes so; raises ValueError for none."""
+    """Return the place that a file writes like this; raises ValueError if there is none."""
     if text in ("ground", "command", "clock", "sensor", "velocity"):
         return Place(text)
     if mass := re.fullmatch(r"m([1-9])", text):
@@ -89,6 +89,6 @@ def label_of(effect: str, place: Place) -> str:
 
 
 def of_label(label: str) -> tuple[str, Place]:
-    """Return effect and place of "effect@place"; raises ValueError where it is none."""
+    """Return effect and place of "effect@place"; raises ValueError for other text."""
     effect, _, at = label.partition("@")
     return effect, place_at(at)

@@ -70,7 +70,7 @@ def assemble(matrices: Matrices, lag: float | Floats = 0.0) -> Plant:
 def follow(plant: Plant, followers: Sequence[tuple[int, int]], by: Following) -> None:
     """Let the states of some places, (place, which one it follows), follow by these equations.
 
-    In place. What stood there was that of masses so small that they are none.
+    In place. The replaced entries belonged to masses so small that they have no effect.
     """
     a, b, n = plant.a, plant.b, plant.dof
     for follower, source in followers:

@@ -34,8 +34,8 @@ RunAll = Callable[[Sequence[Task]], object]
 class Recorded:
     """A recording, as members follow it.
 
-    command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
-    external (ticks, n): forces on the masses besides, the acceleration of the base after them
+    command (ticks,); measured (ticks, o), NaN where nothing was measured; outputs: what the columns
+    are. external (ticks, n): forces on the masses besides, the acceleration of the base after them
     (n + 1) where it moves, None for none. strengths (ticks,): how much of the drive's force counts,
     None for all of it. arriving (ticks,): what is read times each member's jitter, None for none.
     uncounted (ticks,): which are not judged, None for none. columns (ticks,): first column of each
@@ -99,7 +99,7 @@ class Followed:
 class Population:
     """Devices of one kind, ready to follow recordings.
 
-    Given one by one, or as `Members` of one of their kinds. few, many: substeps a tick, and in
+    Given one by one, or as `Members` of one of their kinds. few, many: substeps per tick, and in
     ticks in which friction or play turns. seed: of lost samples. Raises ValueError for no devices,
     devices of several kinds, substeps < 1 or a seed out of range.
 
@@ -304,7 +304,7 @@ def _filled(which: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _lanes(values: Floats, which: NDArray[np.int64], axes: int) -> Floats:
-    """Return (..., WIDTH) of one array for all, with so many axes, or of one a member."""
+    """Return (..., WIDTH) of one array for all, with so many axes, or of one per member."""
     shared = values.ndim == axes
     rows = np.broadcast_to(values, (WIDTH, *values.shape)) if shared else values[_filled(which)]
     return np.ascontiguousarray(np.moveaxis(rows, 0, -1))

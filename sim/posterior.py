@@ -34,7 +34,7 @@ class Posterior:
         ):
             raise ValueError(
                 f"posterior has {p} names, {len(self.sd)} sd and {len(self.correlation)} rows of"
-                " correlation; give as many of each, and as many numbers a row"
+                " correlation; give as many of each, and as many numbers per row"
             )
         for name, value in zip(self.names, self.sd, strict=True):
             if not 0.0 < value < math.inf:
@@ -47,6 +47,7 @@ class Posterior:
             or np.any(told != told.T) or float(np.linalg.eigvalsh(told)[0]) < -ROUNDED * p
         ):  # fmt: skip
             raise ValueError(
-                "posterior.correlation is no correlation; allowed is a symmetric matrix with ones"
+                "posterior.correlation is not a correlation matrix; allowed is a symmetric"
+                " matrix with ones"
                 " on its diagonal and no negative eigenvalue"
             )

@@ -77,7 +77,7 @@ class Start:
 class Run(Shown):
     """A finished run: its trace, how it ended, the final state and the energy ledger [J].
 
-    trace has one sample a tick, taken at t = kT before the chain moves. fine has one sample a
+    trace has one sample per tick, taken at t = kT before the chain moves. fine has one sample a
     substep (positions and velocities), where asked for. ledger: work done by motor and disturbance,
     energy taken by each damper and effect. The balance is stored - stored at start = motor +
     disturbance - taken. Two entries are not part of the balance: `wall`, the work of the command at
@@ -107,8 +107,8 @@ def start_memory(
 ) -> Memory:
     """Return the memory at tick 0: nothing commanded yet, the encoder consistent with the start.
 
-    memory: how many values the controller keeps; entries: of the ledger; began [s]: time from the
-    beginning of the recording to the beginning of this part.
+    memory: how many values the controller keeps; entries: number of entries of the ledger; began
+    [s]: time from the beginning of the recording to the beginning of this part.
     """
     x = start.state(eq.dof - eq.followers.shape[0], eq.dof)
     let_follow(x, eq.dof, eq.followers, eq.behind)
@@ -156,7 +156,7 @@ class Setup:
         time.
         """
         if self.memory.counters[0] != 0:
-            raise ValueError("this run has begun already; prepare it anew to run it again")
+            raise ValueError("this run has already begun; prepare it again to repeat it")
         for first in range(0, self.ticks, ticks):
             count = min(ticks, self.ticks - first)
             record = np.zeros((count, len(self.channel_units)))
@@ -266,7 +266,7 @@ def simulate(
 
     disturbance: external forces [N m | N], shape (ticks,) on m1 or (ticks, n), each held for one
     tick; (ticks, n + 1) with the acceleration of a base that moves [rad/s2 | m/s2] after them, from
-    which positions are then counted. substeps a tick: one is exact without continuous-time
+    which positions are then counted. substeps: per tick; one is exact without continuous-time
     nonlinearity; raise it for friction and smooth forces. seed: of what happens at random (lost
     samples). bound: the run stops when |position of m1| exceeds it. energy: record the stored
     energy; ledger: record also the work of motor, wall, each damper and effect. fine: keep the

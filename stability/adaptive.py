@@ -1,6 +1,6 @@
 """Refine a map where the fate changes, and only there.
 
-A lattice of (coarse - 1) 2^levels + 1 points a side. First every 2^levels-th point is run. Then,
+A lattice of (coarse - 1) 2^levels + 1 points per side. First every 2^levels-th point is run. Then,
 level by level, each cell with two fates among the points that were run in it or on its sides is
 divided in four. This adds points on the sides of neighbours; if these find a second fate there,
 they are divided too, until no cell of the level has two. The remaining cells have one fate as far
@@ -21,15 +21,15 @@ MOST_POINTS = 2049  # a side
 
 
 def side(coarse: int, levels: int) -> int:
-    """Return the lattice's points a side; raises ValueError for too few or too many."""
+    """Return the lattice's points per side; raises ValueError for too few or too many."""
     if coarse < 3:
-        raise ValueError(f"coarse is {coarse}; a map needs at least 3 points a side to refine")
+        raise ValueError(f"coarse is {coarse}; a map needs at least 3 points per side to refine")
     if not 0 <= levels <= 8:
         raise ValueError(f"levels is {levels}; allowed is 0 to 8")
     points = (coarse - 1) * 2**levels + 1
     if points > MOST_POINTS:
         raise ValueError(
-            f"coarse {coarse} and levels {levels} make {points} points a side;"
+            f"coarse {coarse} and levels {levels} make {points} points per side;"
             f" at most {MOST_POINTS} are possible, lower either"
         )
     return points

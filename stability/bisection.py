@@ -168,7 +168,7 @@ class _Hunt:
                 return self.brackets(self.frequencies(trial, workers))
 
     def judged(self, runs: Indices, tried: Floats, workers: int) -> tuple[Growth, Flags, Floats]:
-        """Judge dampings at a K each, from all starts: what the worst does, from which it grows.
+        """Judge one K per damping from all starts: the worst verdict, and the starts that grow.
 
         runs, tried (n,). Stable walls count as decay, growth that settles as a cycle. The flags are
         (starts, n). Last, how long the run of the first start that grows took [s], (n,).
@@ -198,7 +198,7 @@ class _Hunt:
         return growth.select(worst), grows, took.reshape(count, runs.size)[first]
 
     def look_below(self, workers: int) -> bool:
-        """Try walls below the closed brackets; whether any grows, and the boundary lies lower."""
+        """Try walls below the closed brackets; return whether any grows (the boundary is lower)."""
         some = np.flatnonzero((self.looks > 0) & ~np.isnan(self.stable))
         if some.size == 0:
             return False
@@ -226,7 +226,7 @@ class _Hunt:
         return bool(self.looks[some].any())
 
     def dither(self, runs: Indices, tried: Floats) -> Dither:
-        """What steps keep up at each K; nothing where a threshold is asked for."""
+        """The dither that steps sustain at each K; nothing if a threshold is given."""
         if self.trial.threshold is not None:
             return Dither.unknown(runs.size, 0.0)
         return dither_of(self.device, tried, self.dampings[runs])
@@ -234,9 +234,9 @@ class _Hunt:
     def rests(self, runs: Indices, tried: Floats, steps: Floats) -> Floats:
         """Amplitudes that count as rest at once: dither whose command reaches no limit.
 
-        steps: how many are that, 0 where a small oscillation may grow again.
-        Of a device with play or other forces between its masses a small oscillation says nothing of
-        what comes; and whether it is felt shows only when it has settled.
+        steps: how many are that, 0 where a small oscillation may grow again. In a device with play
+        or other forces between its masses, a small oscillation does not predict what follows; and
+        whether it is felt is known only when it has settled.
         """
         rest = np.full(runs.size, threshold(self.device, self.trial))
         settled = all(physics.effect.hook in SETTLED for physics in self.device.physics)
@@ -254,9 +254,9 @@ class _Hunt:
     def frequencies(self, trial: Trial, workers: int) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end.
 
-        Of a linear device that of the mode that grows, which the first seconds tell. Else the run
-        is followed to its verdict: before, what steps and friction keep up is larger than what
-        grows, and has lines of its own at any frequency.
+        For a linear device it is that of the growing mode, which the first seconds show. Else the
+        run is followed to its verdict: before, the oscillation that steps and friction sustain is
+        larger than the growing one, and has spectral lines of its own at any frequency.
         """
         found = np.full(self.dampings.size, np.nan)
         known = np.flatnonzero(~np.isnan(self.unstable))

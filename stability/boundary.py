@@ -67,7 +67,7 @@ class Boundary(Shown):
 def default_dampings(device: Device) -> Floats:
     """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps, and the top's B.
 
-    The top is a corner for most devices: a grid that misses it shows a boundary cut off. Of an
+    The top is a corner for most devices: a grid that misses it shows a boundary cut off. For an
     estimator without linear theory the grid is that of the backward difference.
 
     Raises ValueError for a device that has no stable wall at all.

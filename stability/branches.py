@@ -34,7 +34,7 @@ SHORT = 0.25
 
 @dataclass(frozen=True)
 class Branches:
-    """Eigenvalues z over a gain (steps,), one column a branch: z (steps, M), names (M,).
+    """Eigenvalues z over a gain (steps,), one column per branch: z (steps, M), names (M,).
 
     frequency_hz and decay [1/s] (positive: it dies out) are those of exp(k ln z).
     """
@@ -89,8 +89,8 @@ def critical_mode(device: Device, point: LinearPoint) -> str | None:
 def damper_effect(device: Device, frequency_hz: ArrayLike) -> Complexes:
     """Return the force of the virtual damper over that of a true one, at f > 0 [Hz].
 
-    Real part: 1 for a true damper, negative where it drives the motion. Imaginary part: what acts
-    as a spring (negative) or as a mass (positive).
+    Real part: 1 for a true damper, negative where it drives the motion. Imaginary part: negative if
+    it acts as a spring, positive if it acts as a mass.
 
     Raises ValueError for a frequency <= 0.
     """
@@ -172,8 +172,8 @@ def _follow(
 ) -> Complexes:
     """Continue the eigenvalues z of the wall `start` = (K, B) along the straight line to `end`.
 
-    New ones are paired with where the old ones would go at their last rate, so that the sum of the
-    distances is least; the step is halved until these are short for all that have a name.
+    New eigenvalues are paired with the extrapolated old ones so that the sum of the distances is
+    least; the step is halved until the distances are short for all that have a name.
     """
     foreign = np.array([[own != other for other in names] for own in names])
     known = np.array([name != DELAY for name in names])

@@ -103,8 +103,9 @@ def _response(a: Floats, b: Floats, c: Floats, z: Complexes) -> tuple[Complexes,
 def _polished(angles: Floats, bound: Floats, response: Complexes, slope: Complexes) -> Floats:
     """One Newton step on the phase of g(exp(j angle)) towards the real axis.
 
-    d arg g / d angle = Re(z g'/g). A candidate that is no crossing has no phase to reach: the step
-    is bounded by how far rounding can have moved it, and by half the way to the nearest pole.
+    d arg g / d angle = Re(z g'/g). A candidate that is not a crossing cannot reach the phase. So
+    the step is bounded by the largest displacement that rounding can cause, and by half the
+    distance to the nearest pole.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         phase = np.arctan(response.imag / response.real)

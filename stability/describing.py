@@ -59,7 +59,7 @@ def friction_damper(device: Device, extra: float) -> Device:
 def friction_boundary(
     device: Device, level: float, damping: float, amplitude: float
 ) -> LinearPoint | None:
-    """Return the boundary that a start of this amplitude meets with friction `level` at m1.
+    """Return the boundary for a start of this amplitude with friction `level` at m1.
 
     None where no K is stable. Raises ValueError for a level < 0 or an amplitude <= 0.
     """
@@ -91,7 +91,7 @@ def quantiser_boundaries(device: Device, dampings: Floats) -> Floats:
     """Return, for each B, the K above which an encoder step of any size can sustain a cycle.
 
     dampings (n,); NaN where no K > 0 is free of cycles. It is the least K_CR(N B) / N over all
-    gains N, with K_CR between the points of a grid of B taken as straight.
+    gains N, with K_CR interpolated linearly on a grid of B.
     """
     top = QUANTISER_TOP * float(dampings.max())
     count = 2 if top == 0.0 else FEW if dampings.size == 1 else MANY

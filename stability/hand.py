@@ -86,7 +86,7 @@ def hand_band(device: Device, dampings: Iterable[float], lever: float = 1.0) -> 
 
 
 def draw_hands(count: int, seed: int = 0) -> list[Hand]:
-    """Return hands drawn from the ranges: the logarithm of each property evenly, each for itself.
+    """Return hands drawn from the ranges, each property log-uniformly and independently.
 
     Raises ValueError for a count < 1.
     """

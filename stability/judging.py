@@ -91,8 +91,8 @@ def judge_each(
 ) -> Growth:
     """Run walls of several devices; which, starts, rests (runs,): each run's device, start, rest.
 
-    Devices of one structure go together, whatever their numbers. Raises ValueError for too few
-    substeps.
+    Devices of one structure are computed together, whatever their parameters. Raises ValueError for
+    too few substeps.
     """
     each = [prepared(device, trial.substeps) for device in devices]
     kinds: dict[object, list[int]] = {}

@@ -58,7 +58,7 @@ def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
 
 
 def has_theory(device: Device) -> bool:
-    """Whether linear theory takes the device: not where its velocity's estimator is not linear."""
+    """Whether linear theory applies to the device: not if its velocity estimator is not linear."""
     return device.interface.estimator.linear is not None
 
 
@@ -70,10 +70,10 @@ def known_boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoin
 
 
 def stand_in(device: Device) -> Device:
-    """Return a device that says where to look: itself, or one with the backward difference.
+    """Return the device for the range of the search: itself, or one with the backward difference.
 
-    The other where linear theory does not take the device; what theory says of it is a range of K
-    and B to try, and no statement on the device.
+    The second is returned if linear theory does not apply to the device; its boundary is only a
+    range of K and B to try, not a statement about the device.
     """
     return device if has_theory(device) else device.with_interface(**DIFFERENCE_ALONE)
 
@@ -151,9 +151,9 @@ def _crossings(loop: Loop, damping: float) -> Crossings:
 def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
     """Tell whether the loop is stable for K -> 0.
 
-    In a free device a slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. Where
-    another one starts on the circle, the spring moves it in or out: look a little above K = 0.
-    Without any crossing the loop is as unstable there as for large K.
+    In a free device a slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. If
+    another eigenvalue starts on the circle, the spring moves it in or out: look a little above K =
+    0. Without any crossing the loop is as unstable there as for large K.
     """
     if found.gains.size == 0:
         return False

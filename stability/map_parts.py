@@ -14,7 +14,7 @@ from zwidth.stability.plane import Floats, Plane
 
 Points = NDArray[np.int64]
 Bundle = list[tuple[Floats, Floats]]  # x and y of the points of some parts
-MOST_TOGETHER = 16  # parts a task
+MOST_TOGETHER = 16  # parts per task
 
 
 def run_parts(
@@ -28,7 +28,7 @@ def run_parts(
     """Yield (number, fates) of every part: those in the store first, others as they finish.
 
     parts: flat indices into the lattice of the axes (x, y). What finishes is in the store before it
-    is yielded. Where far more parts are missing than there are cores, some make one task.
+    is yielded. If far more parts are missing than there are cores, several parts form one task.
     """
     missing: list[int] = []
     for number, points in parts.items():

@@ -20,7 +20,7 @@ def summary(result: FateMap) -> dict[str, Any]:
 
     fates: of each its share of the plane and, at the points that were run, [median, most] of the
     amplitude [rad | m], the same in encoder steps, and of the force [N m | N], escaped ones left
-    out. What linear theory calls stable or not is compared where it takes the device, else None.
+    out. The comparison with linear theory is None where that does not apply to the device.
     perceptible [N m | N], perceptible_position [rad | m], None for that of the skin: from what on
     an oscillation is felt. transitions: for each x the y up to which all runs rest and that from
     which one grows.

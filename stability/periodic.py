@@ -197,7 +197,7 @@ def _critical(device: Device, loop: PeriodicLoop, damping: float) -> LinearPoint
 
 
 def _frequency(loop: PeriodicLoop, stiffness: float, damping: float) -> float:
-    """Frequency [Hz] of the critical oscillation, of which a cycle shows only the alias.
+    """Frequency [Hz] of the critical oscillation; the eigenvalue of a cycle shows only its alias.
 
     Its eigenvector is followed through the cycle: the phase by which m1's velocity turns from tick
     to tick, summed, says which of the aliases it is.

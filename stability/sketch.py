@@ -83,7 +83,7 @@ def sketch(plane: Plane, workers: int | None = None) -> Iterator[Sketch]:
 
 
 def _stages(fate: NDArray[np.int8]) -> Iterator[tuple[bool, Points]]:
-    """Yield (whether they complete the lattice of 41 points a side, flat indices to run)."""
+    """Yield (whether they complete the lattice of 41 points per side, flat indices to run)."""
     size = fate.shape[0]
     index = np.arange(fate.size).reshape(fate.shape)
     coarser = (slice(None, None, MIDDLE_STRIDE),) * 2

@@ -42,7 +42,7 @@ CLOSE = 1e-3  # of the B of the linear corner, where that is the top
 class Ending:
     """The oscillation in which a boundary ends at a damping: mode, frequency [Hz], angles [deg].
 
-    spring_lag_deg, damper_lag_deg: by how much of a turn the wall's two forces are late there.
+    spring_lag_deg, damper_lag_deg: the phase lags of the wall's two forces there.
     """
 
     damping: float

@@ -1,4 +1,4 @@
-"""What the linear theory answers."""
+"""Results of the linear theory."""
 
 from dataclasses import dataclass
 

@@ -33,7 +33,8 @@ def stiffness_band(
     """Return the band of K_CR at each B.
 
     names (p,): m, b, omega_1, ... and perhaps delay; covariance (p, p) of their logarithms, of the
-    delay [s] itself. Raises ValueError where names are not the device's or the covariance is none.
+    delay [s] itself. Raises ValueError for names that the device does not have, or a matrix that is
+    not a covariance.
     """
     model = device.modal
     if model is None:

@@ -27,7 +27,7 @@ for _name, _settings in SET.items():
 
 
 def by_foaw(counts: Sequence[int], window: int, band: Fraction, best: bool) -> list[Fraction]:
-    """Slopes in counts a period by the definition, exactly; counts[:window] came before."""
+    """Slopes in counts per period by the definition, exactly; counts[:window] came before."""
     found: list[Fraction] = []
     for k in range(window, len(counts)):
         slope = Fraction(0)

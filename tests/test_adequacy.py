@@ -126,7 +126,7 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     assert left.final.model.effects == ()
     assert left.tried is not None
     assert left.tried.best is left.tried.plain
-    assert "predicts the held-out data no better" in said[0]
+    assert "does not improve the prediction of held-out data" in said[0]
     assert of(left, clean.judge_by).useful  # nothing is named
 
 

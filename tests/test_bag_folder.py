@@ -174,7 +174,7 @@ def test_a_bag_that_names_files_elsewhere_is_refused(
     folder = Path(shutil.copytree(made["MCAP"], tmp_path / "bag"))
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(text.replace("- mcap.mcap", f"- {name}"))
-    with pytest.raises(RecordingError, match="which is no file in that folder"):
+    with pytest.raises(RecordingError, match="which is not a file in that folder"):
         read_bag(folder)
 
 

@@ -231,7 +231,9 @@ def test_a_scheduler_that_does_not_come_back_is_one_sentence(
         end = Interference(tmp_path, one.close)
         with (
             Cluster(one.scheduler_address, patience=0.5) as runner,
-            pytest.raises(OSError, match=r"is gone for 0\.5 s; finished parts are kept: start it"),
+            pytest.raises(
+                OSError, match=r"has not answered for 0\.5 s; finished parts are kept: start it"
+            ),
         ):
             make_map(plane(), COARSE, LEVELS, tmp_path, end, runner=runner)
     assert end.before
@@ -246,7 +248,7 @@ def test_workers_that_all_leave_are_one_sentence(
         leave = Interference(tmp_path, lambda: one.scale(0))
         with (
             Cluster(one.scheduler_address, patience=0.5) as runner,
-            pytest.raises(OSError, match=r"all workers of tcp://.* are gone for 0\.5 s"),
+            pytest.raises(OSError, match=r"all workers of tcp://.* have been gone for 0\.5 s"),
         ):
             make_map(plane(), COARSE, LEVELS, tmp_path, leave, runner=runner)
         monkeypatch.setattr(cluster, "ANSWER_WITHIN", 1.0)
@@ -294,6 +296,6 @@ def test_an_address_where_no_scheduler_is(
     out = tmp_path / "out"
     assert run([*MAP, "--coarse", "3", "--out", str(out), "--cluster", address]) == 2
     error = capsys.readouterr().err.strip()
-    assert "is no scheduler that answers; see docs/scale.md" in error
+    assert "does not answer as a scheduler; see docs/scale.md" in error
     assert len(error.splitlines()) == 1
     assert not out.exists()

@@ -18,7 +18,7 @@ VELOCITY, POSITION = Output("velocity", 0), Output("position", 0)
 
 
 def moved(speed: float, seed: int = 1) -> Floats:
-    """A position of so many counts a sample at most, smooth below 10 Hz."""
+    """A position of so many counts per sample at most, smooth below 10 Hz."""
     white = np.random.default_rng(seed).standard_normal(TICKS)
     v = np.asarray(lfilter(*butter(2, 0.02), white))
     return np.cumsum(v / np.abs(v).max()) * speed * STEP
@@ -113,7 +113,7 @@ def test_a_tachometer_that_is_rounded_finer_than_its_noise_stays_one(
 
 
 def test_a_tachometer_in_steps_of_several_counts_stays_one() -> None:
-    """A speed written to a whole number of the encoder's own counts a sample. Mutation: any."""
+    """A speed written to a whole number of the encoder's own counts per sample. Mutation: any."""
     unit = 10.0 * STEP / PERIOD
     v = unit * np.round(np.gradient(moved(2000.0), PERIOD) / unit)
     assert as_counted(knowing(STEP), [recorded(v)])[0].outputs == (VELOCITY,)

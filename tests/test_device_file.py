@@ -313,7 +313,7 @@ def test_a_bad_effect_says_what_to_change(entry: str, sentence: str) -> None:
 
 def test_an_effect_twice_at_one_place_is_refused() -> None:
     entry = '\n[[physics]]\neffect = "loop_delay"\nat = "clock"\ndelay = 0.001\n'
-    with pytest.raises(DeviceError, match=r"physics\[1\] is loop_delay@clock once more"):
+    with pytest.raises(DeviceError, match=r"physics\[1\] repeats loop_delay@clock"):
         device_from_text(CHAIN_TEXT + entry + entry)
 
 

@@ -84,7 +84,7 @@ def free_run(model: Model, x: np.ndarray, taken: Experiment, substeps: int) -> n
     """Return what a fit predicts of a recording from its first sample on, never corrected.
 
     (ticks, outputs), positions as they were recorded. taken: the recording as the diagnosis takes
-    it, with where it begins; substeps a tick.
+    it, with where it begins; substeps per tick.
     """
     device, seen = taken.on(model.acting(x)), model.seen(taken, x)
     eq = equations(device, substeps)

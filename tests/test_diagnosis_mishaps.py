@@ -434,7 +434,7 @@ def test_a_velocity_alone_gets_a_next_experiment(
 
 
 def test_a_friction_beside_a_fast_mode_is_searched():
-    """A mode of 715 Hz at 1 kHz, where one substep a tick is too long for friction.
+    """A mode of 715 Hz at 1 kHz, where one substep per tick is too long for friction.
 
     Mutation: `prepared` without the substeps that are needed.
     """

@@ -270,7 +270,7 @@ def test_less_than_two_waves_are_no_eccentricity(travel: float, turns: bool):
 def swung(share: float, period: float, seconds: float = 6.0) -> Experiment:
     """A mass m(x) = m (1 + share cos(2 pi x / period)): d(m v)/dt = u - b v + m' v^2 / 2.
 
-    By Runge and Kutta with 20 steps a tick.
+    By Runge and Kutta with 20 steps per tick.
     """
     mass, damper = 2e-4, 1e-3
     random = np.random.default_rng(31)

@@ -315,7 +315,7 @@ def test_joint_states_of_ros2_topic_echo(tmp_path: Path) -> None:
         (b" can0  201   [8]  00 11 22 33 44 55 66 77\n", "candump.*DBC"),
         (b"date Thu Mar 4\nbase hex  timestamps absolute\n", "Vector.*DBC"),
         (b"#ROSBAG V2.0\n" + bytes(99), "bag of ROS 1.*rostopic echo -p"),
-        (b"SQLite format 3\0" + bytes(99), "no bag of ROS 2 that can be read"),
+        (b"SQLite format 3\0" + bytes(99), "not a readable ROS 2 bag"),
         (b"\x80\x04\x95" + bytes(99), "pickle.*numpy.savez"),
         (b"MDF     4.10    " + bytes(99), "asammdf"),
         (b"\x1f\x8b\x08" + bytes(99), "gunzip"),

@@ -35,7 +35,7 @@ from zwidth.stability.periodic import periodic_boundary, periodic_loop
 from zwidth.stability.velocity import velocity_response
 
 T = 1e-3
-SPEED = 0.0471  # rad/s, of no whole counts a period
+SPEED = 0.0471  # rad/s, of no whole counts per period
 NOT_LINEAR = ("foaw", "foaw_end", "levant")
 LINEAR = ("kalman", "kalman_acceleration")
 NO_FILTER = {"velocity_cutoff_hz": math.inf, "velocity_order": 1}

@@ -183,7 +183,7 @@ def test_what_is_in_no_library_stands_out() -> None:
 
 
 def test_several_effects_are_of_several_kinds() -> None:
-    """Each effect once, one friction law a mass; breaks where the masses are not looked at."""
+    """Each effect once, one friction law per mass; breaks where the masses are not looked at."""
     device = phantom()
     for seed in range(200):
         random = np.random.default_rng(seed)
@@ -342,7 +342,7 @@ def test_none_of_one_reaches_no_goal(wrong: int, count: int, reached: str) -> No
     silent = mark(key_of(stratum="none"), answered(verdict="nothing_missing"), {})
     found = tally([silent], {})
     found["none"]["false_claims"] = Share(wrong, count).as_json()
-    (row,) = (r for r in goals(found) if r[0] == "nothing concealed: a false claim")
+    (row,) = (r for r in goals(found) if r[0] == "nothing concealed: an effect claimed")
     assert row[3] == reached
 
 

@@ -145,7 +145,7 @@ def test_a_structure_is_read_as_it_was_written():
     again = structure_from(one.to_json())
     assert again.to_json() == one.to_json()
     assert list(names_of(again)) == ["m1", "b1", "k0", "coulomb_friction@m1.level"]
-    with pytest.raises(ValueError, match="no structure of a fleet"):
+    with pytest.raises(ValueError, match="not a fleet structure"):
         structure_from("{}")
 
 

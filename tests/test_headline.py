@@ -119,7 +119,7 @@ def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
     assert headline(answer()).startswith("Nothing is missing")
     lost = answer(FRICTION, lost="a part of the search")
-    assert headline(lost) == "Undecided: an error left out a part of the search"
+    assert headline(lost) == "Undecided: an error prevented a part of the search"
     away = answer(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
     assert "without bound" in headline(away)
 
@@ -214,8 +214,8 @@ def test_where_says_what_the_map_shows():
         maps=(force_map("m1", "velocity", 880.0), force_map("m1", "time"), force_map("m1", "q", 9)),
     )
     assert where(both, 1) == (
-        "what the missing force depends on is not decided here: forces at the motor over time or"
-        " velocity describe it about equally well"
+        "the recording does not decide what the missing force depends on: forces at the motor"
+        " over time or velocity describe it about equally well"
     )
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")

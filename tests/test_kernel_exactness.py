@@ -245,5 +245,5 @@ def test_a_run_is_run_once() -> None:
 
     setup = prepare(phantom(), wall(12.0, 0.03), duration=0.1, start=Start(1e-3))
     next(iter(setup.blocks(50)))
-    with pytest.raises(ValueError, match="has begun already; prepare it anew"):
+    with pytest.raises(ValueError, match="has already begun; prepare it again"):
         list(setup.blocks(50))

@@ -286,7 +286,7 @@ def test_files_that_are_no_logs(tmp_path: Path) -> None:
         ("missing.mcap", LogNotFound, "does not exist"),
         ("", LogIsDirectory, "is a folder"),
         ("empty.mcap", LogEmpty, "is empty"),
-        ("table.csv", NotMcap, "is no MCAP file, it starts with b't [s];x '"),
+        ("table.csv", NotMcap, "is not an MCAP file: it starts with b't [s];x '"),
         ("start.mcap", LogDamaged, "ends after 5 bytes"),
         ("noise.mcap", LogDamaged, "nothing can be recovered"),
         ("table.csv/x.mcap", LogNotReadable, "not a directory"),
@@ -374,7 +374,9 @@ def test_an_index_is_not_mistaken_for_a_message(whole: Path, tmp_path: Path) -> 
     (tmp_path / "index.mcap").write_bytes(data)
     log = read_log(tmp_path / "index.mcap")
     assert log.events == EVENTS
-    assert log.warnings[0] == "skipped: samples without a checksum, of which this log has none"
+    assert (
+        log.warnings[0] == "skipped: samples without a checksum; every log of zwidth has checksums"
+    )
 
 
 def test_a_chunk_that_does_not_add_up_is_given_up_whole(whole: Path, tmp_path: Path) -> None:
@@ -385,5 +387,5 @@ def test_a_chunk_that_does_not_add_up_is_given_up_whole(whole: Path, tmp_path: P
     record = struct.pack("<BQ", 6, len(chunk) + len(content)) + chunk + content
     (tmp_path / "odd.mcap").write_bytes(unindexed(data) + record)
     log = read_log(tmp_path / "odd.mcap")
-    assert "skipped: a chunk whose records do not add up" in log.warnings
+    assert "skipped: a chunk whose records do not fill it exactly" in log.warnings
     assert_same(log.tick, RUN)

@@ -185,7 +185,7 @@ def test_paths_that_cannot_be_written(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device files here")
 def test_a_device_is_no_log() -> None:
-    with pytest.raises(LogPathError, match="no regular file"):
+    with pytest.raises(LogPathError, match="not a regular file"):
         LogWriter("/dev/full", UNITS)
 
 
@@ -201,7 +201,7 @@ def test_blocks_that_do_not_fit(tmp_path: Path) -> None:
             (r"position_m1 has shape \(9,\)", t, channels | {"position_m1": t[:9]}),
             (r"t has shape \(10, 1\)", t[:, None], channels),
             ("a time is nan s", np.where(t == 0.0, np.nan, t), channels),
-            ("is no log time", t - 2e9, channels),
+            ("is not a log time", t - 2e9, channels),
         ):
             with pytest.raises(LogBlockError, match=words):
                 log.append(times, block)

@@ -73,7 +73,7 @@ def test_any_two_quantities_have_ranges_of_their_own(
         (["--x-range", "-1", "1"], "-1 is not allowed, give 0 or more"),
         (["--y-range", "0", "10"], "axis K begins at 0; allowed is above 0"),
         (["--x-range", "0", "1", "--log", "B"], "axis B begins at 0; allowed is above 0"),
-        (["--log", "delay"], "--log delay has no use while delay is no axis"),
+        (["--log", "delay"], "--log delay has no use while delay is not an axis"),
         (["--log", "Z"], "is not one of"),
         (["--stiffness", "3"], "--stiffness has no use while K is an axis"),
         (["--damping", "3"], "--damping has no use while B is an axis"),

@@ -115,7 +115,7 @@ def test_stale_readings_are_filled_in_from_the_others() -> None:
 
 
 def test_what_stands_while_it_sets_out_is_no_stale_reading() -> None:
-    """As fast as four steps a sample around it, and slower where two readings are equal.
+    """As fast as four steps per sample around it, and slower where two readings are equal.
 
     Mutation: the speed around alone.
     """

@@ -70,7 +70,7 @@ def test_a_formula_means_what_it_says(formula: str, truth: Callable[..., float])
         ("c * min(v)", "min 1 numbers; it takes 2"),
         ("c * _power(v, 2)", "allowed is"),
         ("c * v if 0 < v < 1 else 0", "allowed is"),
-        ("c *", "is no expression"),
+        ("c *", "is not an expression"),
     ],
 )
 def test_nothing_but_arithmetic_is_a_formula(formula: str, said: str):
@@ -91,7 +91,7 @@ def test_nothing_but_arithmetic_is_a_formula(formula: str, said: str):
         ("unit =", "lower = 2\nupper = 1\nunit =", r"lower is 2 and upper 1"),
         ("unit =", "lower = 'x'\nunit =", "lower"),
         ("unit =", 'role = "captain"\nunit =', "role is 'captain'"),
-        ('name = "cubic_drag"', "name = ", "is no TOML"),
+        ('name = "cubic_drag"', "name = ", "is not TOML"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_wrong_is_said_in_one_sentence(old: str, new: str, said: str):
@@ -217,11 +217,11 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     Path("half.json").write_text(json.dumps({"learned": {**learned, "formulas": [
         {"form": "shift", "factors": parts[:1]}]}}))  # fmt: skip
     assert run(["effects", "half", "--learned", "half.json"]) == Status.BAD_INPUT
-    assert "half.json is no result of" in capsys.readouterr().err
+    assert "half.json is not a result of" in capsys.readouterr().err
     del parts[1]["numbers"]
     Path("both.json").write_text(json.dumps({"learned": learned}))
     assert run(["effects", "less", "--learned", "both.json"]) == Status.BAD_INPUT
-    assert "both.json is no result of" in capsys.readouterr().err
+    assert "both.json is not a result of" in capsys.readouterr().err
     Path("answer.json").write_text(json.dumps({"learned": None}))
     assert run(["effects", "other", "--learned", "answer.json"]) == Status.BAD_INPUT
     assert "no learned law" in capsys.readouterr().err

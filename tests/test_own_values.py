@@ -111,9 +111,7 @@ def test_a_fit_that_ends_as_far_from_its_start_as_it_may_go_goes_on_from_there()
 
 def test_a_word_that_no_fitted_recording_has_is_refused_where_it_judges() -> None:
     es = [run("stiff", 1)]
-    with pytest.raises(
-        ExperimentError, match="gives k0 the word 'soft', which no fitted recording"
-    ):
+    with pytest.raises(ExperimentError, match="gives k0 the word 'soft'; no fitted recording"):
         diagnose(CART, es, [run("soft", 2)], effort=QUICK)
 
 

@@ -81,7 +81,7 @@ def events_truth(name: str, i: int, p: Values, start: list[float], t: np.ndarray
     ],
 )
 def test_stops_and_releases_inside_substeps_leave_first_order(name: str, place: str) -> None:
-    """Slope >= 0.9 of the mean error over seeded starts, and below 2 % at 8 substeps a tick.
+    """Slope >= 0.9 of the mean error over seeded starts, and below 2 % at 8 substeps per tick.
 
     First order because a stop falls anywhere in its substep. Mutation: a bound of the other
     direction, or of the other level: the error stays.

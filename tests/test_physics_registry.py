@@ -196,7 +196,7 @@ def test_too_few_substeps_for_friction_are_refused() -> None:
     device = replace(phantom(), chain=chain, modal=None)
     simulate(device, wall(1.0, 0.0), duration=0.01)
     dry = device.with_physics(example("coulomb_friction", "m1"), example("coulomb_friction", "m2"))
-    with pytest.raises(ValueError, match=r"substeps is 1; .* needs at least 12 substeps a tick"):
+    with pytest.raises(ValueError, match=r"substeps is 1; .* needs at least 12 substeps per tick"):
         simulate(dry, wall(1.0, 0.0), duration=0.01)
     simulate(dry, wall(1.0, 0.0), duration=0.01, substeps=12)
 

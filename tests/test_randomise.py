@@ -113,7 +113,7 @@ def test_the_posterior_reads_back_from_its_file():
         (lambda p: replace(p, names=("m1", "m1", "b1", "k0")), "a name twice"),
         (lambda p: replace(p, correlation=((1.0, 2.0, 0.0, 0.0), (2.0, 1.0, 0.0, 0.0),
                                            (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))),
-         "posterior.correlation is no correlation"),
+         "posterior.correlation is not a correlation"),
     ],
 )  # fmt: skip
 def test_a_posterior_that_cannot_be_is_refused_in_a_sentence(

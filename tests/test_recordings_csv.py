@@ -86,7 +86,9 @@ def test_a_column_with_as_many_texts_as_numbers_is_text() -> None:
     """Blank cells count for neither. Mutation: the texts compared with all cells."""
     source = read("a,b,c\n1,idle,2\n3,1,idle\n5,run,\n7,2,\n9,3,\n")
     assert list(source.signals) == ["a", "b"]
-    with pytest.raises(RecordingError, match="'c' has 'idle' in line 3, column 3, which is no num"):
+    with pytest.raises(
+        RecordingError, match="'c' has 'idle' in line 3, column 3, which is not a num"
+    ):
         source["c"]
     words = read("a,b\n1,idle\n3,idle\n5,6\n")
     with pytest.raises(RecordingError, match="no number; 1 below it are none either"):

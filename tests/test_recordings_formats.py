@@ -302,7 +302,7 @@ def test_every_mat_file_that_scipy_reads_is_read() -> None:
 def test_a_folder_and_a_device_are_no_recordings(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="is a folder"):
         open_source(tmp_path)
-    with pytest.raises(ValueError, match="no regular file"):
+    with pytest.raises(ValueError, match="not a regular file"):
         open_source(Path("/dev/null"))
 
 

@@ -129,7 +129,7 @@ def kind_of(table: str) -> str:
         (HEAD + TIME + INPUT + "scale = 0\n", "input.scale is 0"),
         (HEAD + TIME + INPUT + "scale = nan\n", "allowed is a finite number"),
         (HEAD + TIME + INPUT + "scale = true\n", "input.scale is True; allowed is a number"),
-        (HEAD + TIME + INPUT + 'unit = "Nmn"\n', "'Nmn', no unit that is known here"),
+        (HEAD + TIME + INPUT + 'unit = "Nmn"\n', "'Nmn', which is not a known unit"),
         (HEAD + TIME + INPUT + 'unit = "V"\n', "give scale, in N m or N per V"),
         (HEAD + TIME + INPUT + 'unit = "counts"\n', "give counts_per_rev"),
         (HEAD + TIME + INPUT + "counts_per_rev = 4\n", 'needs unit = "counts"'),
@@ -382,7 +382,7 @@ def test_what_parameters_may_follow_keeps_its_unit(tmp_path: Path) -> None:
     (covariate,) = experiment(trace, device).part(1, 250).covariates
     assert (covariate.name, covariate.unit, covariate.values.size) == ("oil_temp", "degC", 249)
     (tmp_path / "a.toml").write_text(toml + toml[toml.index("[[cov") :], encoding="utf-8")
-    with pytest.raises(RecordingError, match="described twice; keep one table of it"):
+    with pytest.raises(RecordingError, match="described twice; keep one of the two tables"):
         read_recording(tmp_path / "a.toml")
     (tmp_path / "a.toml").write_text(toml + '        quantity = "x"\n', encoding="utf-8")
     with pytest.raises(RecordingError, match="quantity"):

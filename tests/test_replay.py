@@ -342,7 +342,7 @@ def test_your_own_law_and_its_source(tmp_path: Path):
     first = result.first_difference
     assert first is not None
     assert first.channel == "command"
-    with pytest.raises(ScenarioError, match=r"which is built in; leave yours out"):
+    with pytest.raises(ScenarioError, match=r"which is built in; leave your function out"):
         replay(log_of("wall", tmp_path), integral)
 
 
@@ -382,7 +382,7 @@ def test_a_log_of_another_device_is_refused(tmp_path: Path):
     heavier = text.replace("m_kgm2 = 0.001168", "m_kgm2 = 0.001168001168")
     assert heavier != text
     with_attachment(path, device_toml=heavier.encode())
-    with pytest.raises(ReplayError, match=r"propagators in the log is not what its device"):
+    with pytest.raises(ReplayError, match=r"propagators in the log differs from what its device"):
         replay(path)
     with_attachment(path, computed_npz=b"PK no")
     with pytest.raises(ReplayError, match=r"the computed numbers in the log cannot be read"):
@@ -451,7 +451,7 @@ def test_your_own_law_on_the_command_line(
     [
         (None, "does not exist; check the name"),
         (b"", "is empty; check the program that wrote it"),
-        (b"position,time\n1,2\n", "is no MCAP file, it starts with"),
+        (b"position,time\n1,2\n", "is not an MCAP file: it starts with"),
         (b"\x89MCAP0\r\n", "is damaged or cut short before its first sample"),
     ],
 )

@@ -265,7 +265,7 @@ def test_friction_tells_a_lag_of_the_reading_from_one_of_the_amplifier() -> None
 
 
 def test_the_truth_of_a_concealed_recording_reads_alike() -> None:
-    """Another integrator (Runge-Kutta, 20 steps a tick): a row of two filters, 1e-5 of the lag.
+    """Another integrator (Runge-Kutta, 20 steps per tick): a row of two filters, 1e-5 of the lag.
 
     Mutation: the rate fed by the reading's position, or `reads` of the first filter.
     """

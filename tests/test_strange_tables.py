@@ -166,7 +166,9 @@ def test_many_spoiled_rows_are_refused(tmp_path: Path) -> None:
     path.write_text("\n".join([*lines, ""]))
     trace, _ = taken(path)
     warnings = cast("list[str]", trace.facts["warnings"])
-    assert any("1 line is no row of the table and left out, first line 11" in w for w in warnings)
+    assert any(
+        "1 line is not a row of the table and left out, first line 11" in w for w in warnings
+    )
 
 
 @pytest.mark.parametrize("lengths", [(200, 200, 200), (150, 250, 200)])

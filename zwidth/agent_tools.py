@@ -35,7 +35,7 @@ async def asked(command: str, options: dict[str, Any], *arguments: str) -> dict[
     """Return the JSON of a command, with its exit status.
 
     options: by their names; None leaves one out, a list gives it several values. Raises ToolError
-    with what the command said where it gave no JSON.
+    with the command's message if it gave no JSON.
     """
     with TemporaryDirectory(prefix="zwidth-mcp-") as folder:
         file = Path(folder) / "result.json"
@@ -64,9 +64,9 @@ async def diagnose(
     """Say why recordings of a machine differ from its simulation: what physics is missing.
 
     recordings: files (CSV, MAT, MCAP, a ROS 2 bag's folder ...) of one device. device: its device
-    file, or the name of a shipped one; without it a device is fitted. joint: the one to diagnose of
-    recordings with several. Takes half a minute to some minutes; quick finds three effects at most.
-    The report for people is `report`, the improved device `augmented_device`.
+    file, or the name of a shipped one; without it a device is fitted. joint: the joint to diagnose,
+    if recordings have several. Takes half a minute to some minutes; quick finds three effects at
+    most. The report for people is `report`, the improved device `augmented_device`.
     """
     options = {"device": device, "joint": joint, "effort": effort, "out": out}
     found = await asked("diagnose", options, *recordings)

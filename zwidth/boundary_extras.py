@@ -15,7 +15,7 @@ from zwidth.stability.uncertainty import stiffness_band
 
 
 class Asked(NamedTuple):
-    """Which of them: passive walls; a hand at this lever [m], None for no hand; a covariance.
+    """The extras to show: passive walls; a hand at this lever [m], None for no hand; a covariance.
 
     hands: how many are drawn, 0 for none; extremes: those of the hands' range.
     """

@@ -52,7 +52,7 @@ def stiffest(boundary: Boundary) -> Stiffest:
 def answered(
     boundary: Boundary, points: Sequence[Point], trial: Trial, search: Search, rotary: bool
 ) -> Stiffest:
-    """Return the top with the answer in words, and with what it is made of."""
+    """Return the top with the answer in words, and the parts that contribute to it."""
     found = stiffest(boundary)
     seen = endings(boundary)
     without = without_parts(boundary, trial, search)
@@ -123,7 +123,7 @@ def _same(one: Seen, frequency: float) -> bool:
 
 
 def _late(spring_deg: float, damper_deg: float | None) -> str:
-    """By how much the wall's forces are late, and what that makes of the damper."""
+    """By how much the wall's forces are late, and how that changes the damper."""
     late = f"sampling and delay make the wall's spring {spring_deg:.0f}\u00b0 late"
     if damper_deg is None:
         return late
@@ -152,7 +152,7 @@ def _parts(found: Stiffest, without: Mapping[str, float | None], rotary: bool) -
 
 
 def _stiffness(value: float, rotary: bool) -> str:
-    """In N/mm from 1000 N/m on, as people say it."""
+    """In N/mm from 1000 N/m upwards, as is usual."""
     if rotary or value < IN_N_PER_MM:
         return f"{plain(value)} {'N m/rad' if rotary else 'N/m'}"
     return f"{plain(1e-3 * value)} N/mm"

@@ -77,8 +77,8 @@ class Output:
         """Say error and band."""
         is_ = "within" if self.within else "outside"
         return (
-            f"{self.name}: free runs err by {with_unit(self.error, self.unit, 3)}, {is_} the band"
-            f" (up to {with_unit(self.most, self.unit, 3)})"
+            f"{self.name}: free runs have an error of {with_unit(self.error, self.unit, 3)}, {is_}"
+            f" the band (up to {with_unit(self.most, self.unit, 3)})"
         )
 
 
@@ -214,9 +214,9 @@ def check(
 ) -> Check:
     """Return whether a device still describes recordings, each with its stretches.
 
-    simulate: runs another simulator over a stretch, and simulator names it. Raises ValueError where
-    the device has no band, where its outputs are not those of a recording, where a recording does
-    not move; ExperimentError where none can be followed.
+    simulate: runs another simulator over a stretch, and simulator names it. Raises ValueError if
+    the device has no band, if its outputs are not those of a recording, or if a recording has no
+    motion; ExperimentError if no recording can be used.
     """
     if device.band is None:
         raise ValueError(NO_BAND.format(device.name))
@@ -239,7 +239,7 @@ def rebased(
     recordings: Sequence[tuple[str, Sequence[Experiment]]],
     simulate: Simulate | None = None,
 ) -> Device:
-    """Return a device whose band is how far free runs err on these recordings, as they are now.
+    """Return a device whose band is taken from the errors of free runs on these recordings.
 
     simulate: as `check` takes it. Raises as `check`, and ValueError for fewer than two windows.
     """
@@ -261,7 +261,7 @@ def rebased(
 
 
 class _Taken(NamedTuple):
-    """A recording in one way to read it: its stretches, and what is odd about them."""
+    """A recording, corrected for one suspected fault or none: its stretches, and the fault."""
 
     name: str
     stretches: tuple[Experiment, ...]
@@ -271,7 +271,7 @@ class _Taken(NamedTuple):
 def _read(
     device: Device, name: str, stretches: Sequence[Experiment], run: Simulate
 ) -> tuple[_Taken, Recording]:
-    """A recording as it is, or corrected by what is suspected of it where that is within."""
+    """A recording as it is, or corrected for a suspected fault if it is then within the band."""
     every = [_Taken(name, r.whole, r.faults) for r in readings(device, stretches, None)]
     first, *others = ((one, _judged(device, one, run)) for one in every)
     if all(o.within for o in first[1].outputs):
@@ -386,7 +386,7 @@ def _changes(
 
 
 def _explained(band: Band, found: Windows, before: Floats) -> bool:
-    """Whether free runs are within the band, or err by a twentieth of what they did before."""
+    """Whether free runs are within the band, or their errors are a twentieth of those before."""
     for output in band.outputs:
         if output.name in found.names:
             place = found.names.index(output.name)
@@ -429,7 +429,7 @@ class _Way(NamedTuple):
 
 
 def _ways(h: Hypothesis, nominal: Floats, own: Sequence[int]) -> list[_Way]:
-    """What may have changed, by itself: effects by all their forces alike, then each parameter."""
+    """The single changes to try: all forces of an effect by one factor, then each parameter."""
     model = h.model
     values, slopes = physical(model, nominal)
     at = {i: k for k, i in enumerate(reported(model))}
@@ -456,7 +456,7 @@ def _fewest(h: Hypothesis, nominal: Floats) -> Iterator[list[_Way]]:
     off = h.x[own] - nominal[own]
 
     def left(ways: Sequence[_Way]) -> float:
-        """What the cost is above the fit's where those ways are free."""
+        """By how much the cost exceeds that of the fit if only those ways are free."""
         cost = float(off @ weight @ off)
         if not ways:
             return cost

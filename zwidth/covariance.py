@@ -41,7 +41,7 @@ def load_covariance(path: Path) -> Covariance:
         values = np.array(known.covariance, dtype=np.float64)
     except (msgspec.DecodeError, ValueError) as error:
         raise ValueError(
-            f"{path} is no covariance file ({error}); give the one that `zwidth identify` wrote"
+            f"{path} is not a covariance file ({error}); give the one that `zwidth identify` wrote"
         ) from error
     if known.schema != SCHEMA:
         raise ValueError(f"{path} has schema {known.schema}; this version reads schema {SCHEMA}")

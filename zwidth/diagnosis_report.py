@@ -314,7 +314,7 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
 
 
 def scale_sentence(diagnosis: Diagnosis) -> str:
-    """Say how uncertain the command's scale is, which no other interval holds; "" where known."""
+    """Say how uncertain the command's scale is, which no other interval includes; "" if known."""
     if "gain" not in diagnosis.linear_refit:
         return ""
     _, gain = diagnosis.linear_refit["gain"]

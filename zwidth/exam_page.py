@@ -61,7 +61,7 @@ def _head(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
         for count, what in (
             (limit, "recordings at the limit"),
             (rigs["recordings"], "rigs at full size"),
-            (outside["recordings"], "subjects with a law of no name"),
+            (outside["recordings"], "subjects with an unnamed law"),
         )
         if count
     ]
@@ -143,33 +143,37 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
             c = classes.get(name)
             least(f"{title}: right effect and place first, where it stands apart",
                   c and c["right_where_apart"], goal)  # fmt: skip
-            least(f"{title}: the true one in the class named", c and c["in_class"], IN_CLASS)
+            least(f"{title}: the true one among those named", c and c["in_class"], IN_CLASS)
         for name, title, goal in (("two_5x", "two effects", TWO), ("three_5x", "three", THREE)):
             c = classes.get(name)
-            least(f"{title} at 5 times: all found", c and c["all_right"], goal)
-        most("nothing concealed: a false claim", found["none"]["false_claims"], FALSE)
+            least(f"{title} at 5 times the limit: all found", c and c["all_right"], goal)
+        most("nothing concealed: an effect claimed", found["none"]["false_claims"], FALSE)
         least("in no library: `unknown_physics`", found["unknown"]["said_so"], UNKNOWN)
         most(
             "in no library: a confident wrong name", found["unknown"]["confident_wrong"], CONFIDENT
         )
-        covers("95 % intervals of effects hold the truth", found["coverage_counts"])
-        near("held-out free run: median share of the improvement that perfect knowledge gives",
+        covers("95 % intervals of effects contain the truth", found["coverage_counts"])
+        near("held-out free run: median share of the improvement with the true device",
              found["held_out"]["share"])  # fmt: skip
     if rigs["recordings"]:
-        least("rigs: every effect found at its place, or in a class named",
+        least("rigs: every effect found at its place, or among those named",
               rigs["all_named"], RIG_NAMED)  # fmt: skip
-        least("rigs: the first finding right, and standing alone",
+        least("rigs: the first finding is right, and no rival is near",
               rigs["first_right_and_alone"], RIG_FIRST)  # fmt: skip
         least("rigs: play named, its gap within 10 %", rigs["play"], RIG_PLAY)
-        most("rigs: of what is `identified`, wrong", rigs["identified_and_wrong"], RIG_WRONG)
-        most("rigs: of findings that stand alone, wrong", rigs["confident_wrong_names"], RIG_WRONG)
+        most("rigs: wrong ones among those `identified`", rigs["identified_and_wrong"], RIG_WRONG)
+        most(
+            "rigs: wrong findings among those without a near rival",
+            rigs["confident_wrong_names"],
+            RIG_WRONG,
+        )
         least("clean rigs: `nothing_missing`", rigs["clean"]["nothing_missing"], RIG_CLEAN)
-        covers("rigs: 95 % intervals of effects hold the truth", rigs["coverage"])
-        near("rigs, held-out free run: median share of what the true device improves",
+        covers("rigs: 95 % intervals of effects contain the truth", rigs["coverage"])
+        near("rigs, held-out free run: median share of the improvement with the true device",
              rigs["held_out"]["share"])  # fmt: skip
     if outside["recordings"]:
-        least("laws of no name: `unknown_physics`, or rightly adequate", outside["right"], UNKNOWN)
-        most("laws of no name: a confident wrong name", outside["confident_wrong"], CONFIDENT)
+        least("unnamed laws: `unknown_physics`, or rightly adequate", outside["right"], UNKNOWN)
+        most("unnamed laws: a confident wrong name", outside["confident_wrong"], CONFIDENT)
     adequacy, calibration = found["adequacy"], found["calibration"]
     if adequacy["asked"]:
         most("own judgement: sound answers refused", adequacy["sound_refused"], OWN_JUDGEMENT)
@@ -198,7 +202,7 @@ def _too_few(s: Mapping[str, Any]) -> bool:
 
 
 def _goals(found: Mapping[str, Any]) -> str:
-    return "## Asked and reached\n\n" + table(("asked", "goal", "seen", "reached"), goals(found))
+    return "## Goals and results\n\n" + table(("asked", "goal", "seen", "reached"), goals(found))
 
 
 def _magnitudes(found: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
@@ -289,7 +293,7 @@ def _numbers(found: Mapping[str, Any]) -> str:
     lines = ["# Numbers"]
     if _at_limit(found):
         lines += [
-            "At the limit, intervals of linear parameters hold the truth:"
+            "At the limit, intervals of linear parameters contain the truth:"
             f" {ratio(found['coverage_linear'])}.",
             held_out_line("the device file", share),
             held_out_line("the linear refit", beyond),

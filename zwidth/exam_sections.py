@@ -1,4 +1,4 @@
-"""Sections of the page of evidence: rigs at full size, laws of no name, probabilities."""
+"""Sections of the page of evidence: rigs at full size, unnamed laws, probabilities."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -63,10 +63,10 @@ def rig_section(rigs: Mapping[str, Any]) -> str:
 
 
 def outside_section(outside: Mapping[str, Any]) -> str:
-    """Return what is told of laws of no name; of the JSON of `zwidth exam`, its `outside`."""
+    """Return the section on unnamed laws, from `outside` in the JSON of `zwidth exam`."""
     return "\n\n".join(
         [
-            "# Laws of no name",
+            "# Unnamed laws",
             f"`unknown_physics` in {ratio(outside['said_so'])}; `identified` in"
             f" {ratio(outside['identified'])}. Of findings that stand alone, wrong:"
             f" {ratio(outside['confident_wrong_names'])}. Effects of the library beside the law,"

@@ -88,7 +88,8 @@ def diagnose_joints(
     ]  # fmt: skip
     console.table("\nAll joints; error of free runs on held-out data", columns, rows)
     alike = {"recording": [{"recording": f, "device": j} for j, f in files.items()]}
-    console.say(f"wrote {write_text(listing, tomli_w.dumps(alike))}, for joints that are alike")
+    written = write_text(listing, tomli_w.dumps(alike))
+    console.say(f"wrote {written}, a fleet if the joints are alike")
     console.result({"joints": results, "still": list(joints.still)})
     if interrupted:
         raise KeyboardInterrupt
@@ -99,7 +100,7 @@ def diagnose_joints(
 def several_joints(path: Path) -> Joints:
     """Return the joints of a file; raises RecordingError for one of zwidth or described by hand."""
     if path.suffix.lower() == ".toml":
-        raise RecordingError(f"{path.name} says itself which joint it is of; leave --joint out")
+        raise RecordingError(f"{path.name} already names its joint; leave --joint out")
     found = own_log(path)
     if not isinstance(found, Source):
         raise RecordingError(f"{path.name} is a log of one device; leave --joint out")

@@ -387,9 +387,9 @@ def freer(
     """Whether the free runs of one answer are better than those of another.
 
     Each has its own observer. The horizon with the clearest difference decides, if it exceeds
-    `apart` sigma. Stretches differ in how much they can show, so the differences of a few of them
-    say little. If one answer errs half as much in each of them, the logarithms of the ratios show
-    it.
+    `apart` sigma. Stretches contain different amounts of information, so differences between a few
+    of them mean little. If one answer errs half as much in each of them, the logarithms of the
+    ratios show it.
     """
     told: list[float] = []
     for _, a, b in each_length(new, old, experiments):

@@ -29,14 +29,14 @@ from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
-# Stages without which no verdict stands, and what an error in them takes from it.
+# Stages without which there is no verdict, and what an error in each of them prevents.
 WHAT_IS_LOST = {
     "search": "a part of the search",
-    "detect": "whether anything is left",
-    "separation": "how well it can be told apart",
-    "held out": "what the held-out data say",
-    "adequacy": "how good the answer is",
-    "regimes": "where it holds",
+    "detect": "the test of what is left",
+    "separation": "the comparison with other effects",
+    "held out": "the test on held-out data",
+    "adequacy": "the test of how good the answer is",
+    "regimes": "the test of where it holds",
 }
 
 
@@ -77,7 +77,7 @@ def answered(
         findings, refit, stands.left, stands.other, stands.sound, free, bad, level,
         lost=" and ".join(lost), faults=stands.faults, masses=device.chain.masses.size,
     )  # fmt: skip
-    with stage("a law of no name"):
+    with stage("an unnamed law"):
         law, instead, halted = _law(device, stands, facts, say)
     facts = replace(facts, law=law, instead=instead)
     if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS:
@@ -92,7 +92,7 @@ def answered(
         runs = attempt("whole runs", "", partial(whole, law=law.found)) or runs
     also = [event.sentence for event in events]
     if changes:  # what lacks a law may look as if it changed
-        doubt = "as far as these laws hold, "
+        doubt = "if these laws are right, "
         doubt = doubt if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS else ""
         also.insert(0, doubt + "; ".join(change.sentence for change in changes))
     untried = dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates"))
@@ -140,10 +140,10 @@ def _law(
     try:
         asked = Asked(device, by, stands.taken.judge_by, say)
         if named:
-            told = attempt("learn", "a law of no name", partial(beside_names, asked, free))
+            told = attempt("learn", "an unnamed law", partial(beside_names, asked, free))
             law, instead = told or (None, False)
             return law, instead, False
-        law = one = attempt("learn", "a law of no name", partial(learned, asked, free))
+        law = one = attempt("learn", "an unnamed law", partial(learned, asked, free))
         two = partial(learned_over_two, asked, free, one)
         law = attempt("learn", "a law over two states", two) or one
     except KeyboardInterrupt:

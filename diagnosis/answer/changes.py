@@ -288,9 +288,9 @@ def _one_more(
 def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
     """Whether a hypothesis with a change costs less than all constant ones that were tried.
 
-    It must be believed over the hypotheses that have no effect it lacks, and cost less than all
-    others. These were fitted to whole recordings, and the change to their parts. The cost of one
-    constant answer on both shows by how much the two kinds of cost differ.
+    It must be believed over the hypotheses whose effects it all has, and cost less than all others.
+    These were fitted to whole recordings, and the change to their parts. The cost of one constant
+    answer on both shows by how much the two kinds of cost differ.
     """
     best = tried.best
     cost = h.cost.total + best.cost.total - new.without.cost.total

@@ -36,7 +36,7 @@ from zwidth.sim.place import label_of, place_at
 
 @dataclass(frozen=True)
 class Worth:
-    """By how much free runs err more without a finding, at how many sigma, over which time [s]."""
+    """How many times larger free-run errors are without a finding; sigma; horizon [s]."""
 
     times: float
     sigma: float
@@ -44,7 +44,7 @@ class Worth:
 
     @property
     def pays(self) -> bool:
-        """Whether they err more without it, beyond the scatter of the runs."""
+        """Whether the errors are larger without it, beyond the scatter of the runs."""
         return self.times > 1.0 and self.sigma > ADEQUACY.apart
 
 

@@ -102,7 +102,7 @@ class Event:
 
     @property
     def sentence(self) -> str:
-        """Say what happened, when, and what it brought."""
+        """Say what happened, when, and with which impulse and energy."""
         when = f"at {times_in_words(self.at, self.between)[0]} s"
         if self.until is not None and self.until_between is not None:
             first, last = (
@@ -179,7 +179,7 @@ def all_said(
 
 
 def _said(one: Happened, e: Experiment, h: Hypothesis, without: Hypothesis) -> Event:
-    """An event as an answer says it. without: the hypothesis on recordings that lack it alone."""
+    """An event for the answer. without: the hypothesis on recordings without this event."""
     rotary = h.model.nominal.rotary
     force, length = ("N m", "rad") if rotary else ("N", "m")
     masses = h.model.nominal.chain.masses.size
@@ -295,7 +295,7 @@ def _middle(f: Floats, c: Floats) -> tuple[float, float]:
 def _kind(
     one: Happened, q: Floats, period: float, begins: float, ends: float, impulse: float
 ) -> str:
-    """What a force was, as far as the motion tells."""
+    """Which kind of event a force was, as far as the motion shows."""
     a = min(one.first + round(begins), q.size - 2)
     b = min(max(one.first + round(ends), a + 1), q.size - 1)
     usual = float(np.std(np.diff(q))) / period

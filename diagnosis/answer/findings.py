@@ -141,7 +141,7 @@ def _estimates(
 def _within(
     value: float, half: float, unit: str, lower: float = 0.0, upper: float = math.inf
 ) -> Estimate:
-    """A value with the part of its interval that can be: no stiffness is below zero."""
+    """A value with the possible part of its interval: no stiffness is below zero."""
     return Estimate(value, max(value - half, lower), min(value + half, upper), unit)
 
 
@@ -234,7 +234,7 @@ def _of_recordings(
 
 
 def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: str) -> float:
-    """A linear parameter in a recording that differs by so much in x."""
+    """A linear parameter in a recording that differs by this much in x."""
     there = model.there(x, e).copy()
     there[index] += more
     moved = model.within(there)
@@ -299,9 +299,8 @@ def probability(odds: Shares, label: str) -> float:
 def with_richer(odds: Shares, label: str) -> float:
     """Return the probability that a device has an effect or a richer form of it.
 
-    Whoever is told of a limit is told the truth even if the limit also falls with speed: a richer
-    form takes nothing from the probability of an effect's name, nor from its sigma
-    (`Finding.confusable_with`).
+    The name of a limit is right even if the limit also falls with speed: a richer form reduces
+    neither the probability of an effect's name nor its sigma (`Finding.confusable_with`).
     """
 
     def has(labels: frozenset[str]) -> bool:

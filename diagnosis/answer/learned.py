@@ -119,7 +119,7 @@ def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSu
     left = names if one is None else one.law
     if not beyond_noise(left.after, left.noise_floor):
         return None
-    asked.say("checking whether what is left depends on two quantities together")
+    asked.say("checking whether the remaining error depends on two quantities together")
     told: list[LearnedSurface] = []
     for search in asked.horizons():
         than = [search.best, search.plain]

@@ -135,7 +135,7 @@ def _differs(
     experiments: Sequence[Experiment],
     share: float,
 ) -> float:
-    """Return d(share), 0 if the answer hardly moves or runs away."""
+    """Return d(share), 0 if the answer hardly moves or diverges."""
     least = np.inf
     played = [replace(e, command=share * e.command, measured=share * e.measured)
               for e in experiments]  # fmt: skip

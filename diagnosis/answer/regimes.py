@@ -96,7 +96,7 @@ def _speed(e: Experiment) -> Floats:
 
 
 def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
-    """How well a hypothesis does in each regime, compared with one without some of its effects.
+    """How well a hypothesis predicts each regime, compared with one without some of its effects.
 
     Both have slopes. Regimes that alone determine a parameter are left out.
     """

@@ -72,7 +72,7 @@ class Rival(Valued):
 
 @dataclass(frozen=True)
 class Held(Valued):
-    """How well an effect does in a regime that was not fitted (`answer.regimes`).
+    """How well an effect predicts a regime that was not fitted (`answer.regimes`).
 
     other: where the fit was made. sigma: of the comparison with a model without it; fails: whether
     that model is believed there.

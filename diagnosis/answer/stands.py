@@ -122,7 +122,7 @@ def _unexplained(
 def standing(
     device: Device, taken: Taken, found: Searched, say: Say
 ) -> tuple[Searched, Adequacy | None]:
-    """The answer and how it fares; the next likeliest if held-out data reject it.
+    """The answer and its adequacy; the next likeliest if held-out data reject it.
 
     None if held-out data speak against that as well. The rejected answer costs less than the named
     one, and stays beside it as the likelier rival, so such an answer is never `identified`.
@@ -130,7 +130,7 @@ def standing(
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
         return found, sound
-    say(f"{found.final.model.label} predicts the held-out data no better than without it: dropped")
+    say(f"{found.final.model.label} does not improve the prediction of held-out data: dropped")
     for other in next_believed(found):
         say(f"judging {other.final.model.label} on the held-out data")
         stands = attempt("adequacy", "", partial(held_adequacy, device, other, taken))
@@ -141,7 +141,7 @@ def standing(
 
 
 def held_adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:
-    """How the answer fares on held-out data."""
+    """How well the answer predicts held-out data."""
     return adequacy(Model(device), found.refit, found.final, found.judge, taken.judge_by)
 
 
@@ -208,7 +208,7 @@ def instead_of(found: Searched) -> Instead | None:
 
 
 def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
-    """Say why a fit is no answer although it costs least, "" if there is no reason.
+    """Say why the cheapest fit is not acceptable as an answer, "" if it is.
 
     It ended at the limit of its allowed distance from the device file; or the force that held-out
     motion needs, or a whole run of it, is predicted worse than without what was found.
@@ -254,7 +254,7 @@ def second_look(
     note, if nothing new was named, if something is still left, or if a name was lost. It is also
     returned if the search was interrupted, which the note then says.
     """
-    say("the held-out data show more than was found: searching all of the recording")
+    say("the held-out data show physics that was not found: searching the whole recording")
     try:
         again = search(acted)
         halted = again.interrupted

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class Reason(Enum):
     """Why a verdict is what it is; the first that holds decides."""
 
-    LOST = "an error lost a result that the verdict needs"
+    LOST = "an internal error prevented a result that the verdict needs"
     ONE_LAW = "one learned law explains it better than several named effects"
     OTHER = "unknown physics explains more than a named effect"
     LEFT = "a force without a name remains"
-    INADEQUATE = "free runs on held-out data err more than noise predicts, or no less than before"
+    INADEQUATE = "errors of free runs on held-out data exceed the noise, or are as large as before"
     BAD = "the fit ended at a value that is not allowed"
     MORE = "a learned law is needed beside the named effects"
     ONE_REGIME = "a named effect holds in one regime only"
@@ -39,7 +39,7 @@ class Reason(Enum):
     IMPROBABLE = "a named effect is not probable enough"
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains it"
-    STRAY = "no effect is named, and free runs err more than noise predicts"
+    STRAY = "no effect is named, and errors of free runs are larger than noise predicts"
     LINEAR = "only linear parameters differ"
     NOTHING = "nothing is missing"
 

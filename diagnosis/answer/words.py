@@ -213,7 +213,7 @@ def _headline(f: Facts, because: Reason) -> str:
             odds = f"{100.0 * (f.doubtful.with_richer or 0.0):.0f} %"
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.LOST:
-            return f"undecided: an error left out {f.lost}"
+            return f"undecided: an error prevented {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
             return (
                 f"undecided: {names} would explain what a command of a single level shows, but so"
@@ -316,7 +316,7 @@ def parameter_in_words(name: str, unit: str) -> str:
 
 
 def _fault(fault: Fault) -> str:
-    """What is wrong with a recording; what to do about it is said in the report."""
+    """What is wrong with a recording; the report says what to do about it."""
     if not fault.channels:
         return fault.sentence
     command = fault.channels == COMMAND
@@ -333,7 +333,7 @@ def _fault(fault: Fault) -> str:
 def why(f: Facts) -> str:
     """Return the reason for the verdict; a sentence without its full stop."""
     because, free, doubtful = reason(f), f.free, f.doubtful
-    law = "" if f.law is None else f"learned from what is left: {f.law.sentence}"
+    law = "" if f.law is None else f"learned from the remaining error: {f.law.sentence}"
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
     match because:
         case Reason.LOST:
@@ -350,7 +350,7 @@ def why(f: Facts) -> str:
         case Reason.BAD:
             told = f.bad
         case Reason.MORE:
-            told = "the names explain the recording only in part"
+            told = "the named effects explain the recording only in part"
         case Reason.ONE_REGIME:
             told = _one_regime(f)
         case Reason.DISTURBED:
@@ -402,15 +402,15 @@ def _one_regime(f: Facts) -> str:
     """Where a named effect does not hold, if it holds in one regime only, and what to record."""
     odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
     return (
-        f"{odd.effect} at {odd.at} as fitted {at.other} makes the prediction of what was"
-        f" recorded {at.regime} worse; record more {at.regime}"
+        f"{odd.effect} at {odd.at}, fitted to the motion {at.other}, makes the prediction of the"
+        f" motion {at.regime} worse; record more {at.regime}"
     )
 
 
 def _inadequate(sound: Adequacy) -> str:
-    """How far an answer goes that held-out data do not confirm."""
+    """How well an answer predicts that held-out data do not confirm."""
     if sound.sound:
-        return "the names predict held-out data no better than the refitted device without them"
+        return "the named effects predict held-out data no better than the refitted device does"
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     if worst.error >= OVERFLOW:
         return "free runs with the answer diverge"
@@ -446,8 +446,8 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}what the missing force depends on is not decided here: forces"
-            f" {at} over {listed(states, 'or')} describe it about equally well"
+            f"{densest(located.state)}the recording does not decide what the missing force depends"
+            f" on: forces {at} over {listed(states, 'or')} describe it about equally well"
         )
     like = "changes with time" if top.against == "time" else f"follows the {top.against}"
     return (

@@ -360,7 +360,7 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family:
 
 def _refuse_overflow(shape: Shape) -> None:
     if not all(np.isfinite(c).all() for c in shape.columns):
-        raise NoObserver(f"the motion beside a force at {shape.place} overflows")
+        raise NoObserver(f"the simulated motion under a force at {shape.place} overflows")
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:

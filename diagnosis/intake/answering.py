@@ -178,7 +178,7 @@ class Answering:
     def _solved(
         self, columns: Floats, own: Floats, least: Floats, most: Floats
     ) -> tuple[Floats, Floats]:
-        """As `_bounded`, with the prior of the shares in units of the remainder."""
+        """Solve as `_bounded` does, with the prior of the shares in units of the remainder."""
         count = len(self.slopes)
         known = columns.shape[1] - count
         first = _bounded(columns, own, least, most, np.zeros(known + count))

@@ -177,7 +177,7 @@ class Table:
         """The result of a complete fit; None if no observer follows."""
         site = self.site
         if self.begun is None:
-            say(f"learning what repeats every {site.period:.3g} at {site.at}")
+            say(f"learning a law that repeats every {site.period:.3g} at {site.at}")
             fits = [h for law in self.first if (h := _fitted(self.base, site, law)) is not None]
             return min(fits, key=lambda h: h.cost.total, default=None)
         say(f"learning a law over {_at_what(site)}")
@@ -257,7 +257,7 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
             continue
         both = _shaped(full, against(full, alone).phi, site)
         if both.cost.total < h.cost.total:
-            say(f"{one.effect.name} explains it with fewer numbers than a learned law")
+            say(f"{one.effect.name} explains it with fewer parameters than a learned law")
             return True
     return False
 
@@ -328,7 +328,7 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line fits as well, which is a spring, a damper or a constant: dropped")
+    say("a straight line (spring, damper or constant) fits as well: law dropped")
     return True
 
 

@@ -119,7 +119,7 @@ class Form(ABC):
 
     @abstractmethod
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return the point along either state of the fixed number; -1 for none."""
+        """Return the point along either state whose value is held fixed; -1 for none."""
 
     @abstractmethod
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:

@@ -82,7 +82,8 @@ def refuse_unknown_words(fit_on: Sequence[Experiment], judge_by: Sequence[Experi
         for target, word in e.own:
             if (target, word) not in known:
                 raise ExperimentError(
-                    f"{e.name} judges the answer, and its [free] gives {target} the word {word!r},"
-                    " which no fitted recording has, so its value is unknown; fit a recording with"
-                    " that word, too"
+                    f"{e.name} is kept out of the fit, and its [free] gives {target} the word"
+                    f" {word!r}; no fitted recording has this word, so the value is unknown:"
+                    " also fit"
+                    " a recording with this word"
                 )

@@ -124,8 +124,8 @@ def likeliest(
         found = noises(experiments, model, x, family)
     if not found:
         raise NoObserver(
-            f"no observer follows the recordings with this device ({model.label}); check sign,"
-            " scale and units of the command, of forces that were recorded, and of the outputs"
+            f"no observer of this device ({model.label}) predicts the recordings; check sign, scale"
+            " and units of the command, of forces that were recorded, and of the outputs"
         )
     best = min(found, key=lambda noise: noise.cost)
     with reason("beginnings"):

@@ -216,7 +216,7 @@ def prepared_each(
 
 
 def substeps_of(device: Device, fineness: Fineness) -> tuple[int, int]:
-    """Return the substeps a tick, and in ticks that need more; see `prepared`."""
+    """Return the substeps per tick, and in ticks that need more; see `prepared`."""
     return substeps_for(device.physics, fineness, enough(device))
 
 
@@ -229,14 +229,14 @@ def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) ->
 
 
 def enough(device: Device) -> int:
-    """Return the substeps a tick that dry friction of a device needs, 1 without it.
+    """Return the substeps per tick that dry friction of a device needs, 1 without it.
 
     Raises NoObserver if these are more than `MOST_SUBSTEPS`.
     """
     needed = enough_substeps(device)
     if needed > MOST_SUBSTEPS:
         raise NoObserver(
-            f"{device.name} has a mode so fast that dry friction needs {needed} substeps a tick"
+            f"{device.name} has a mode so fast that dry friction needs {needed} substeps per tick"
         )
     return needed
 

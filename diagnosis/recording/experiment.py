@@ -179,7 +179,7 @@ class Experiment:
 
     @property
     def own_names(self) -> list[str]:
-        """Names of the values that are its own (`model.own_values`): of parameters, of origins."""
+        """Names of the values of its own (`model.own_values`): of parameters and origins."""
         own = [f"{target} in {word}" for target, word in self.own]
         further = [o.mass + 1 for o in self.outputs if o.tells_position and o.mass > 0]
         zeros = [f"zero_m{mass} in {self.name}" for mass in dict.fromkeys(further)]
@@ -187,7 +187,7 @@ class Experiment:
 
     @property
     def switched_off(self) -> bool:
-        """Whether the drive is off in some of it."""
+        """Whether the drive is off in a part of it."""
         return self.strengths is not None and bool(np.any(self.strengths == 0.0))
 
     def strengths_in(self, part: slice) -> Floats | None:
@@ -303,7 +303,7 @@ class Experiment:
         return found
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
-        """Return the first share of what happens, to fit, and the rest, to judge.
+        """Return the first share of the motion, for the fit, and the rest, which judges it.
 
         Pauses do not count, since a recording that ends in one would otherwise be judged by
         nothing.
@@ -523,9 +523,10 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     parts = [p for p in parts if still or np.ptp(p.command)]
     if not parts:
         raise ExperimentError(
-            f"the clock of {name} jumps{over} {count}, {after}, and no {SHORTEST} samples in motion"
-            " lie between two jumps; record without gaps, or write resample = true into the"
-            " recording's TOML"
+            f"the clock of {name} jumps{over} {count}, {after}, and nowhere between two jumps are"
+            f" there {SHORTEST} samples in motion; record without gaps, or write resample = true"
+            " into"
+            " the recording's TOML"
         )
     left = whole.ticks - sum(p.ticks for p in parts)
     short = f"; {left} samples of short or still ones are left out" if left else ""

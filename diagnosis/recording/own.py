@@ -27,8 +27,8 @@ def own_of(table: Mapping[str, str], device: Device) -> tuple[tuple[str, str], .
     for key, word in table.items():
         if not word.strip():
             raise DeviceError(
-                f"free.{key} of the recording is empty; give a word, which the recordings that"
-                " share the value have, too"
+                f"free.{key} of the recording is empty; give a word: recordings with the same word"
+                " share the value"
             )
         found += [(name, word) for name in _names(key, device)]
     return tuple(found)
@@ -45,7 +45,7 @@ def _names(key: str, device: Device) -> list[str]:
         "ground_spring": ["k0"] if device.chain.ground_spring > 0.0 else [],
     }
     if key in named and not named[key]:
-        raise DeviceError(f"free.{key} of the recording: the device file has none; take it out")
+        raise DeviceError(f"free.{key} of the recording: the device has no {key}; take it out")
     if key in named:
         return named[key]
     return _anchored(n) if key == POSITION else [_of_effect(key)]

@@ -105,8 +105,8 @@ def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Co
     """Compare two hypotheses by the gain of one over the other in each block (blocks,).
 
     foretold: squared differences of their predictions, in each block; None for equal ones. lags:
-    neighbours whose scatter counts together, with falling weight. Blocks of several recordings are
-    in order; fewer than 3 (5 with `foretold`) give no scatter, and phi is 1.
+    how many neighbouring blocks count as correlated, with falling weight. Blocks of several
+    recordings are in order; fewer than 3 (5 with `foretold`) give no scatter, and phi is 1.
     """
     total, count = float(gains.sum()), gains.size
     line = np.ones((count, 1))

@@ -56,8 +56,8 @@ class Proposal:
     about which that is sought, None for all of the family. prices: as of a hypothesis. akin:
     whether it differs from a hypothesis only in the place of an effect, or in a simpler law of the
     same kind there. begins: where the observer of the original hypothesis starts. With play, this
-    start is sought again only at the end of a fit; seeking it for each move took 28 % of a search
-    with play.
+    start is computed again only at the end of a fit; computing it for each move took 28 % of a
+    search with play.
     """
 
     experiments: Sequence[Experiment]

@@ -436,7 +436,7 @@ def _exchanged(found: Search) -> None:
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
             return
-        found.say("trying other effects in place of each")
+        found.say("trying other effects in place of each one found")
         left.add(h.labels)
         less: list[Hypothesis] = []
         for some in _instead(found):
@@ -652,7 +652,7 @@ def _stands(
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
-    """Whether a complete fit may bring a hypothesis near the best, which is no part of it.
+    """Whether a complete fit may bring a hypothesis near the best one, without being a part of it.
 
     A hypothesis that costs more by a large share of everything the best explains does not
     (`PURSUIT.lagging`). One that contains all effects of the best and more costs less in the end,

@@ -1,8 +1,8 @@
 """The result of a search, as later stages of the diagnosis use it.
 
-If the family of noise models contains the truth, the next sample contains all information of a
-recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free runs
-of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
+If the family of noise models contains the truth, errors one sample ahead contain all information of
+a recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free
+runs of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
 family is true, and errors further ahead judge differently: filters, clocks and bristles show best
 in the next sample, where the remainder of friction looks like noise of a slow colour. So the search
 is repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`),
@@ -125,7 +125,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     hardens imitates play from sample to sample, and drifts over a cycle.
     """
     near = found.tried
-    say("searching again by the error over a longer horizon")
+    say("searching again by the prediction error over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
         return replace(found, far=True)

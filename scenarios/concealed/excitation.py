@@ -16,7 +16,7 @@ SHARES = (0.5, 0.2, 0.15, 0.1, 0.05)
 SEGMENTS = ("small_multisine", "multisine", "triangle", "random_steps")
 FASTEST, FARTHEST = 2.0, 0.5  # rms speed and position that a signal is scaled to [rad/s, rad]
 LEVER = 0.05  # m, for a linear device
-COARSE = 4  # steps a tick, enough to scale a signal on a linear device
+COARSE = 4  # steps per tick, enough to scale a signal on a linear device
 
 
 @dataclass(frozen=True)

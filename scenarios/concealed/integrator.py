@@ -485,7 +485,7 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
 class Run(NamedTuple):
     """A run as it can be repeated: what was moved, by which commands, late by jitter, and process.
 
-    period and steps a tick; the others as `integrate` takes them, (ticks,) each.
+    period and steps per tick; the others as `integrate` takes them, (ticks,) each.
     """
 
     truth: Truth

@@ -92,7 +92,7 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
         nuisance.measurement * _noise(reading, ticks, nuisance.colour), states,
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
-        raise RunAway(f"the device runs away after {done} ticks; conceal something weaker")
+        raise RunAway(f"the simulated motion diverges after {done} ticks; conceal something weaker")
     channels = {"command": commands}
     length, unit = ("rad", "N m") if device.rotary else ("m", "N")
     units = {"command": unit}

@@ -59,7 +59,7 @@ def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, An
         found = seal(salt, key)
         expected: dict[str, str] = dict(key["sha256"])
     except (ValueError, TypeError, KeyError, UnicodeDecodeError) as error:
-        raise SealError(f"{path.name} is no key of a concealed recording: {error!r}") from None
+        raise SealError(f"{path.name} is not the key of a concealed recording: {error!r}") from None
     if not sealed.endswith(MARK + found):
         raise SealError(f"{path.name} is not the key that was sealed; use the one made with it")
     for name, file in files.items():

@@ -18,7 +18,7 @@ BRISTLE, MICRO = 0.3, 0.7  # omega h of a stiff bristle, its damping ratio
 
 
 def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Truth:
-    """Return the true simulation of a device with its physics, with `steps` steps a tick.
+    """Return the true simulation of a device with its physics, with `steps` steps per tick.
 
     outside: physics that the library does not have, on top. Raises ValueError for a device with an
     effect twice in one place (a device file cannot have that).

@@ -7,8 +7,9 @@ by Euler's forward step of the period h, estimate z1. In continuous time, withou
 with noise of size e within one of sqrt(L e): no differentiator does better in order. In the code
 w = h z1, so that all is in units of the reading.
 
-Limits: a reading that accelerates beyond L is followed late. At rest it cycles with an amplitude in
-w of L h^2, a velocity of L h, as every explicit step of a sign does. No response in z.
+Limits: a reading that accelerates beyond L is followed late. At rest it oscillates with an
+amplitude of L h^2 in w, that is L h in velocity, like every explicit discretisation of a sign. No
+response in z.
 
 Reference: A. Levant, Robust exact differentiation via sliding mode technique, Automatica 34, 379,
 1998, with its gains; in steps: M. Livne, A. Levant, Proper discretization of homogeneous

@@ -17,8 +17,9 @@ nothing the propagator is that of the chain without it (`sim/kernel.py`), and th
     z(t) = q(t) - s_0 exp(-k t / c).
 
 Inside a substep it lets go where T falls through zero, and hits a side where z does (`taken_over`),
-which leaves an error of third order. In the ledger the effect has what the link's spring is booked
-with while it carries nothing. Other effects in the same link act beside it, between its two masses.
+which leaves an error of third order. In the energy ledger, the amount that is booked for the link's
+spring while the link carries nothing is booked for this effect. Other effects in the same link act
+beside it, between its two masses.
 """
 
 import math
@@ -37,7 +38,7 @@ APART = 3.0  # times as wide is the next start: its valley is no wider
 
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    """From a part of what the spring gives way to a good part of the travel, as a worn gear has."""
+    """From a part of the spring's deflection up to a good part of the travel, as in a worn gear."""
     least, most = 0.003 * z.reach(place), 0.3 * max(z.reach(place), z.position)
     count = math.ceil(math.log(most / least) / math.log(APART)) + 1
     for gap in np.geomspace(least, most, count).tolist():
@@ -140,18 +141,18 @@ def pushed_side(q, v, z, p):
 
 @part
 def springs_back(t, p):
-    """Part of its deformation that a link keeps which carries nothing for t."""
+    """Share of its deformation that a link keeps after carrying nothing for a time t."""
     damped = p[2] > 0.0
     return select(damped, exp(-p[1] * t / select(damped, p[2], 1.0)), 0.0)
 
 
 @part
 def lets_go(q0, v0, q1, v1, h, side, p):
-    """Of a link that pushes on a side as a substep begins: what is taken from it, and its pin.
+    """For a link that pushes on a side as a substep begins: the force to subtract, and its pin.
 
-    q, v at both ends as if it went on to push, and then to pull. T = side (k q + c v) - k a is
-    t_0 >= 0 at first; where it ends at t_1 < 0 the link lets go at s = t_0 / (t_0 - t_1) of the
-    substep, and what it would have pulled from there on is taken besides,
+    q, v at both ends as if it went on to push, and then to pull. T = side (k q + c v) - k a is t_0
+    >= 0 at first; if it ends at t_1 < 0, the link lets go at s = t_0 / (t_0 - t_1) of the substep,
+    and the pull that it would have from there on is subtracted, too,
 
         mean of what is taken = side (k a + (1 - s) t_1 / 2).
 
@@ -179,7 +180,7 @@ def lets_go(q0, v0, q1, v1, h, side, p):
 
 @part
 def is_hit(q0, v0, z0, q1, v1, h, yields, p):
-    """Of a link that carries nothing as a substep begins: force on the first mass, shift, pin.
+    """For a link that carries nothing as a substep begins: force on the first mass, shift, pin.
 
     q, v at both ends as if it went on so; yields [1/kg]: what both masses give way to a force
     between them. The pin goes from z_0 to z_1, by a parabola with its speed z_0' = v_0 + k s_0 / c

@@ -23,7 +23,7 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    """Commands below half a step are none."""
+    """Commands below half a step act as zero."""
     return {"step": (0.0, 2.0 * z.peak)}
 
 

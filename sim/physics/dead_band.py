@@ -24,7 +24,7 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    """Nothing would have moved with half the band as wide as the largest command."""
+    """With half the band as wide as the largest command, nothing would have moved."""
     return {"width": (0.0, 2.0 * z.peak)}
 
 
@@ -67,6 +67,6 @@ dead_band = Effect(
 
 @part
 def beyond_band(command, p):
-    """Return what is left of a command."""
+    """Return the command after the dead band."""
     half = 0.5 * p[0]
     return select(abs(command) <= half, 0.0, command - signed(half, command))

@@ -1,9 +1,10 @@
-"""Some ticks' commands are not delivered; the one before is held.
+"""The commands of some ticks are not delivered; the one before is held.
 
 Tick k is dropped where hash(seed, k) < rate: a counter-based generator, so a tick's fate depends on
-nothing but the run's seed and k, and a run resumed anywhere goes on the same. The hash is a double
-pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes, in products below
-2^64, which no integer type rounds or wraps; it repeats after 2^32 ticks (49 days at 1 kHz).
+nothing but the run's seed and k, and a run that is resumed anywhere continues identically. The hash
+is a double pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes, in
+products below 2^64, which no integer type rounds or wraps; it repeats after 2^32 ticks (49 days at
+1 kHz).
 """
 
 from collections.abc import Iterator

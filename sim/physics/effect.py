@@ -19,7 +19,7 @@ How the diagnosis seeks an effect:
     given        not at all: what a device file says of the drive
     learned      not by name: where no name explains a recording (`diagnosis/learning`)
 
-All of that stands in the effect's own file. What of it depends on the recording is a function of
+The effect's own file declares all of that. Values that depend on the recording are functions of
 `Sizes` and a place.
 """
 

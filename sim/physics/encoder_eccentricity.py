@@ -45,7 +45,7 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    """Of fewer waves than two nothing is seen to repeat, on a disk as along a line.
+    """With fewer than two waves no repetition can be seen, on a disk as along a line.
 
     On joints of robots that turned by less than two of its waves, this imitated any missing
     physics: an "eccentric encoder" of 0.5 rad beside a friction, with a period of the whole travel.

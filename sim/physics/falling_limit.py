@@ -1,4 +1,4 @@
-"""A limit of the drive's force that falls with speed: |f| <= limit - slope |v| where it drives.
+"""A limit of the drive's force that falls with speed: |f| <= limit - slope |v| while it drives.
 
     -limit - slope v <= f <= limit - slope v
 

@@ -8,10 +8,10 @@ must be short against the time period / |v| in which the mass crosses a period.
 In a link it is the ripple of a gear mesh or a capstan: f on the first mass and -f on the second,
 over the position q of the first. Teeth that are not where they should be, by e(q), stretch the link
 by as much, and it carries k (q_1 - q_2 + e): both masses feel k e more, so the amplitude is k |e|.
-Left out is de/dq times what the link carries, a force on the first mass alone that takes the work
-which the pair does on the stretch s of the link; beside f it is of order 2 pi s / period. So the
-law is for a link that gives way by little of a period, where it does not matter either which of its
-masses' positions counts.
+Left out is de/dq times the force of the link, a force on the first mass alone; it balances the work
+that the pair does on the stretch s of the link, and is of order 2 pi s / period relative to f. So
+the law holds for a link whose deflection is much smaller than a period; then it does not matter,
+either, over which of its two masses the ripple is taken.
 """
 
 import math
@@ -29,7 +29,7 @@ SEEN = 1.5  # waves in the travel, at least: a line, a square and a cube bend as
 
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    """A start must lie within a fraction of a wave over all travel.
+    """A starting value must stay within a fraction of a wave over the whole travel.
 
     The residual's own spectrum (`zwidth.diagnosis.seeking.waves`) shows the shorter ones.
     """

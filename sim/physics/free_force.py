@@ -3,14 +3,14 @@
     f = sum over i, j of  r_i(a) c_j(b) F_ij
 
 a and b are two of position, velocity, command and time: of a mass, its own position and velocity;
-in a link how far it gives way and how fast, a force on the first mass and against it on the
-second. The command is the one that is held, and time is that of the run, or of the recording, from
-its beginning on. F_ij is the force at row i, a state of the first, and column j, one of the second.
-r_i and c_j say how much each row and column counts: along either axis the force is the curve of
-`free_law.py` through its points, cubic in each interval and at its ends beyond them. That curve is
-linear in the values, f_1 + sum of e_j (f_(j+1) - f_j), with shares e_j of the steps that depend on
-the state and the points alone, so that r_i = e_(i-1) - e_i is found once for an axis and not once
-for each row.
+in a link, its deflection and the rate of this, with the force on the first mass and its opposite on
+the second. The command is the one that is held, and time is that of the run, or of the recording,
+from its beginning on. F_ij is the force at row i, a state of the first, and column j, one of the
+second. r_i and c_j say how much each row and column counts: along either axis the force is the
+curve of `free_law.py` through its points, cubic in each interval and at its ends beyond them. That
+curve is linear in the values, f_1 + sum of e_j (f_(j+1) - f_j), with shares e_j of the steps that
+depend on the state and the points alone, so that r_i = e_(i-1) - e_i is found once for an axis and
+not once for each row.
 
     [[physics]]
     effect = "free_force"
@@ -34,8 +34,8 @@ that does not depend on the second state.
 
 Limits: as `free_law.py`; the surface may swing between points that are far apart, and a force that
 is steep against the substep is a stiff spring or damper. It is second order in the substep in all
-four: a force over time is taken at the substep's own beginning and end. It may make energy, which
-the ledger shows as its work.
+four: a force over time is taken at the substep's own beginning and end. It may generate energy,
+which the ledger shows as its work.
 """
 
 import itertools
@@ -91,7 +91,7 @@ class Grid(NamedTuple):
 
 
 def over_parameters(first: str, second: str, alone: bool) -> tuple[Parameter, Parameter]:
-    """Return which states a law is over, by what has them; alone: the second may be none."""
+    """Return the states of a law, from its values; alone: a second one is optional."""
     last = len(STATES)
     codes = ", ".join(f"{i + 1} {name}" for i, name in enumerate(STATES))
     none, least_of = ("0 none, ", 0.0) if alone else ("", 1.0)
@@ -185,7 +185,7 @@ def states_over(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
-    """Raise ValueError unless a law follows different states that there are, so many of them."""
+    """Raise ValueError unless a law has the right number of different, known states."""
     if len(over) not in allowed:
         many = " or ".join(("one", "two")[n - 1] for n in allowed)
         raise ValueError(f"over has {len(over)} states; name {many} of {', '.join(STATES)}")
@@ -328,7 +328,7 @@ def _row(c, p, i):
 
 @part
 def _counts(s, p, k):
-    """What each of the `SIZE` points of an axis counts at s; they stand from p[k] on.
+    """The weight of each of the `SIZE` points of an axis at s; they begin at p[k].
 
     The share of a step is whole when the interval after it has been looked at. Each count comes in
     from the right, so that after all of them the first one stands first.
@@ -367,6 +367,6 @@ def _bend(x, before, width, after):
 
 @part
 def _share(width, beside):
-    """The share that the slope beside an interval has of the tangent between them."""
+    """The weight of the neighbouring slope in the tangent between two intervals."""
     there = (width > 0.0) & (beside > 0.0)
     return select(there, width / select(there, width + beside, 1.0), 0.0)

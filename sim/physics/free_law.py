@@ -5,12 +5,12 @@ In each interval of the table, of width h and slope d, with t = clip((s - s_j) /
     f(s) = f_1 + sum over j of  d h t^2 (3 - 2 t) + h (m_j t (1 - t)^2 - m_(j+1) t^2 (1 - t)),
 
 cubic, with a tangent m at each point that is the parabola's through it and its neighbours. Each
-term is nothing before its own interval and d h after it, so the sum is the curve, without a search
-for the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a
-command; beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it
-then begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less
-whole periods, the table is of one of them (its last point before its first a period on), and one
-interval more closes the turn, with tangents that are the same at both of its ends.
+term is zero before its own interval and d h after it, so the sum is the curve, without a search for
+the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a command;
+beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it then
+begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less whole
+periods, the table is of one of them (its last point before its first a period on), and one interval
+more closes the turn, with tangents that are the same at both of its ends.
 
 It is what the diagnosis learns where no name explains a recording (`diagnosis/learning`), and what
 a user writes who has measured a curve:
@@ -30,8 +30,8 @@ or, of what repeats (a detent of a motor, a ball screw, a tooth),
 
 Limits: `KNOTS` points; the curve may swing between points that are far apart. A law that is steep
 against the substep is a stiff spring or damper, of second order in the substep only as long as
-slope x h / m (or h^2 / m) is well below one. A table may make energy, as no damper does, which the
-ledger then shows.
+slope x h / m (or h^2 / m) is well below one. Unlike a damper, a table may generate energy, which
+the ledger then shows.
 """
 
 import itertools
@@ -62,7 +62,7 @@ def table_parameters(state: str, makes: str) -> tuple[Parameter, ...]:
 def numbered(
     names: Sequence[str], symbol: str, unit: str, meaning: str, magnitude: bool = False
 ) -> list[Parameter]:
-    """Return the parameters of a row of numbers: states, or (magnitude) what is made of them."""
+    """Return the parameters of a row of numbers: states, or (magnitude) values."""
     return [
         Parameter(
             name, f"{symbol}_{j + 1}", unit, -1e9, 1e9, 0.0 if magnitude else None,
@@ -104,7 +104,7 @@ def table_values(
 
 
 def check_points(name: str, points: Sequence[tuple[float, float]], most: int) -> None:
-    """Raise ValueError unless a table has 2 to so many points (state, law), their states rising."""
+    """Raise ValueError unless a table has 2 to `most` points (state, law) with rising states."""
     if not 2 <= len(points) <= most:
         raise ValueError(f"{name} has {len(points)} points; allowed is 2 to {most}")
     check_rising(name, "state", [s for s, _ in points], "row to row")
@@ -139,7 +139,7 @@ def points_of(
 ) -> list[tuple[float, float]]:
     """Return the points of a law, in the order of their states.
 
-    at, laws: the names of its states and of what it makes of them.
+    at, laws: the names of its states and of its values.
     """
     return [(values[at[j]], values[laws[j]]) for j in rising(values, at)]
 
@@ -185,7 +185,7 @@ def table_law(s, p):
 
 @part
 def _bend(x, width, slope, left, right):
-    """An interval's part of the curve at x from its beginning: nothing before, all of it after."""
+    """An interval's part of the curve at x from its beginning: zero before, all of it after."""
     t = least(greatest(x / select(width > 0.0, width, 1.0), 0.0), 1.0)
     rest = 1.0 - t
     return width * (slope * t * t * (3.0 - 2.0 * t) + left * t * rest * rest - right * t * t * rest)
@@ -195,7 +195,7 @@ def _bend(x, width, slope, left, right):
 def interval(p, at, laws, count, j):
     """Width and slope of an interval of a table, of count of them; nothing beyond the last.
 
-    Its states stand from p[at] on, what is made of them from p[laws] on.
+    Its states begin at p[at], its values at p[laws].
     """
     if j == count:
         return 0.0 * p[at], 0.0 * p[at]
@@ -205,7 +205,7 @@ def interval(p, at, laws, count, j):
 
 @part
 def per(x, width):
-    """Return x over a width, nothing where there is none."""
+    """Return x over a width, zero if the width is zero."""
     there = width > 0.0
     return select(there, x / select(there, width, 1.0), 0.0)
 

@@ -2,11 +2,11 @@
 
     f = f(a + g(b))
 
-a and b are two of position, velocity, command and time as in `free_force.py`; f is the force
-[N m | N] over a + g, and g the shift, in the unit of a, each a table of `two_tables.py`. A detent
-whose place a load moves by what gives way under it, a ripple whose phase follows the current, a
-friction about a speed that the command sets are such: a grid has to follow the shift in steps of
-its rows, and a product does not have it at all.
+a and b are two of position, velocity, command and time as in `free_force.py`; f is the force [N m |
+N] over a + g, and g the shift, in the unit of a, each a table of `two_tables.py`. Examples are a
+detent whose place moves with the load because its mount yields, a ripple whose phase follows the
+current, and friction about a speed that the command sets. A grid has to follow the shift in steps
+of its rows, and a product cannot describe it at all.
 
     [[physics]]
     effect = "free_shift"

@@ -1,7 +1,7 @@
 """The amplifier's gain differs for the two signs: ratio = positive gain over negative gain.
 
 The mean of both gains stays 1, gain 2 r / (1 + r) for u > 0 and 2 / (1 + r) for u < 0, so that the
-ratio says nothing about the gain as a whole.
+ratio does not change the mean gain.
 """
 
 from collections.abc import Iterator

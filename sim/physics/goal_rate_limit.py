@@ -35,7 +35,7 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    """Nothing travels all of its way within one tick."""
+    """No device covers its whole travel within one tick."""
     return {"rate": (0.0, 2.0 * z.span / z.period)}
 
 

@@ -141,7 +141,7 @@ def translated(formula: str, states: Sequence[str], parameters: Sequence[str]) -
     try:
         tree = ast.parse(formula.strip(), mode="eval")
     except SyntaxError as error:
-        raise TableError(f"formula {formula!r} is no expression: {error.msg}") from None
+        raise TableError(f"formula {formula!r} is not an expression: {error.msg}") from None
 
     def written(node: ast.expr) -> str:
         match node:
@@ -206,7 +206,7 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     try:
         table = Table(tomllib.loads(text.decode("utf-8")), "")
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise TableError(f"is no TOML: {error}") from None
+        raise TableError(f"is not TOML: {error}") from None
     table.only(KEYS)
     name, enters = table.text("name"), table.text("enters") if "enters" in table else "force"
     if not IDENTIFIER.match(name):
@@ -240,8 +240,8 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     parameters = tuple(_parameter(own.table(key), key, keys, starts, value) for key in keys)
     if not any(p.role in ("magnitude", "strength") and p.neutral is not None for p in parameters):
         raise TableError(
-            "parameters has none over which the law is a straight line, and none with role ="
-            " 'strength' and a neutral value; say of one at which value the law is nothing"
+            "the law is linear in none of its parameters, and none has role = 'strength' and a"
+            " neutral value; give one of them both: neutral is the value at which the law is 0"
         )
     _nothing_at_nothing(parameters, starts, value)
     effect = Effect(
@@ -349,7 +349,7 @@ def _sought(
     magnitudes = [p for p in parameters if p.role == "magnitude"]
 
     def all_of(z: Sizes, place: Place) -> float:
-        """What it is held against: the force, or of a reading the motion."""
+        """The reference for its size: the force or, for a sensor, the motion."""
         return z.position if enters == "sensor" else z.force
 
     def unit_size(z: Sizes, place: Place, p: Parameter, others: Values) -> float:
@@ -412,7 +412,7 @@ def _declared() -> tuple[dict[str, OwnEffect], dict[str, dict[int, str]], tuple[
             own, law = read_own(file, text, code)
             if own.effect.name in found:
                 raise TableError(
-                    f"name is {own.effect.name!r}, as in {found[own.effect.name].file}"
+                    f"name is {own.effect.name!r}, which {found[own.effect.name].file} also uses"
                 )
         except ValueError as error:
             wrong.append(f"{file}: {error}")

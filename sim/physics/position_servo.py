@@ -70,5 +70,5 @@ position_servo = Effect(
 
 @part
 def asked(u, q, v, p, first):
-    """Force that the loop asks for under the held command u; p from `first` on is the loop's."""
+    """Force that the loop demands under the held command u; its numbers begin at p[first]."""
     return u - p[first] * q - p[first + 1] * v

@@ -79,6 +79,6 @@ servo_dead_zone = Effect(
 
 @part
 def within_zone(u, q, s, p):
-    """What the zone takes from the force asked under the held command u, at strength s."""
+    """The part of the demanded force that the zone removes, under command u and at strength s."""
     most = p[0] * p[1]
     return -s * least(greatest(u - p[1] * q, -most), most)

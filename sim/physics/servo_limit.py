@@ -70,6 +70,6 @@ servo_limit = Effect(
 
 @part
 def beyond_limit(w, q, v, s, p):
-    """What limit and strength s of the drive take from the force asked under the held command w."""
+    """The part of the force demanded by command w that limit and strength s remove."""
     a = asked(w, q, v, p, 1)
     return s * least(greatest(a, -p[0]), p[0]) - a

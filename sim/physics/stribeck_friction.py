@@ -46,7 +46,7 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, place: Place) -> Bounds:
-    """Nothing shows of a fall at a velocity above the highest recorded one.
+    """A fall at a velocity above the highest recorded one cannot be seen.
 
     Nor at a velocity so low that a mass passes it within one sample: that is Coulomb friction.
     """

@@ -71,7 +71,7 @@ def two_tables_values(
         for row in table:
             if len(row) != 2:
                 raise ValueError(
-                    f"{name} has a row of {len(row)} numbers; a row is a state and a law"
+                    f"{name} has a row of {len(row)} numbers; a row is a state and its value"
                 )
         points = [(float(s), float(f)) for s, f in table]
         check_points(name, points, POINTS)

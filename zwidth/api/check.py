@@ -36,7 +36,9 @@ def check(
     if model is None:
         return checking.check(known, each)
     if joint is None:
-        raise ValueError("model needs joint, the name of the joint that the device is; give it")
+        raise ValueError(
+            "model needs joint, the name of the joint that the device describes; give it"
+        )
     from zwidth.model_runs import ModelRuns, named_simulator
 
     path = Path(model)

@@ -94,8 +94,8 @@ def named_traces(
 ) -> list[tuple[str, Trace]]:
     """Return one recording or several, each with what to call it; columns, joint: see `trace_of`.
 
-    argument: what a function calls them. Raises as `trace_of`, TypeError for what is no recording
-    and no sequence of them, and ValueError where none is given.
+    argument: what a function calls them. Raises the errors of `trace_of`, TypeError for a value
+    that is neither a recording nor a sequence of recordings, and ValueError if none is given.
     """
     single = isinstance(given, Trace | Run | Log | str | PathLike) or is_table(given)
     if not single and not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
@@ -116,8 +116,9 @@ def experiments_of(
 ) -> list[Experiment]:
     """Return recordings, each with its name, as the stretches that a diagnosis reads.
 
-    arms: what they do to the device is known. Raises ExperimentError for what is no use with this
-    device, and as `with_known_torque`.
+    arms: the robot's model and joint, if their torque on the device is to be computed. Raises
+    ExperimentError for a recording that cannot be used with this device, and the errors of
+    `with_known_torque`.
     """
     return [
         stretch
@@ -127,7 +128,7 @@ def experiments_of(
 
 
 def _beside(arms: Arms | None, trace: Trace, device: Device) -> Trace:
-    """Return a recording with what arms do to the device, where there are any."""
+    """Return a recording with the torque of the arms on the device, if there are arms."""
     if arms is None:
         return trace
     if isinstance(arms, str) or len(arms) != 2:

@@ -33,8 +33,8 @@ def simulate(
     `guarded`, `recorded`, `none` or your own; None for none. duration [s]: by
     default that of a recorded command, else 4 s. start: by default at rest, under a wall displaced
     by 1e-3 [rad | m], or nothing would move. disturbance: forces [N m | N], shape (ticks,) on m1 or
-    (ticks, masses), each held for a tick. substeps a tick: by default one where that is exact, else
-    as many as friction and smooth forces need. seed: of what happens at random (lost samples).
+    (ticks, masses), each held for a tick. substeps: per tick, by default one if that is exact,
+    else as many as friction and smooth forces need. seed: of what happens at random (lost samples).
     bound: the run stops when |position of m1| exceeds it. energy: record the stored energy; ledger:
     record also the work of motor, wall, each damper and effect. fine: keep the states after every
     substep.
@@ -69,7 +69,7 @@ def simulate(
 def _as_described(scenario: Scenario, *more: object) -> Run:
     if any(value is not None for value in more):
         raise ValueError(
-            "a scenario says itself how it runs; give it alone, or change it with"
+            "a scenario contains every setting of its run; give it alone, or change it with"
             " dataclasses.replace"
         )
     return run.simulate(

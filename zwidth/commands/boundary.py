@@ -73,8 +73,8 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               metavar="B ...", help="Virtual dampings in rising order. Default: 41 values up to 1.2"
               " times the last with a stable wall, and the measured ones.")  # fmt: skip
 @click.option("--start", cls=Quantities, type=Quantity("rad | m", above=True), metavar="A ...",
-              help="Start amplitudes; a wall is stable if it is from each of them. Default: 0.001,"
-              " and 0.0001 for a device that is not linear.")  # fmt: skip
+              help="Start amplitudes; a wall counts as stable if it is stable from each of them."
+              " Default: 0.001, and 0.0001 for a device that is not linear.")  # fmt: skip
 @click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
               help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
@@ -85,13 +85,15 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
               show_default=True, help="passivity also shows the stiffest passive wall"
               " (Colgate and Schenkel, with the delay).")  # fmt: skip
-@click.option("--felt", is_flag=True, help="Also find the K from which dither (an oscillation"
-              " that only steps keep up) is felt, from 1 % of the stiffest K on.")  # fmt: skip
+@click.option("--felt", is_flag=True, help="Also find the K above which a hand feels dither"
+              " (an oscillation that only the steps of encoder and command sustain). The search"
+              " begins at"
+              " 1 % of the stiffest K.")  # fmt: skip
 @click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
               show_default=True, help="Smallest force of dither that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
-              " the skin, of a rotary device at its --lever.")  # fmt: skip
+              " the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Also show the band of K_CR when a finger holds the last"
               " mass.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),

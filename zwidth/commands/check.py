@@ -25,7 +25,7 @@ if TYPE_CHECKING:
               help="Check this MJCF or URDF model of the robot, run by MuJoCo, instead of DEVICE,"
               " against the band of DEVICE.")  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to check, in a LOG with several and in --model.")  # fmt: skip
+              help="The joint to check, if a LOG has several; also that of --model.")  # fmt: skip
 @click.option("--diagnose", "search", is_flag=True,
               help="If a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
               " does; this takes minutes.")  # fmt: skip
@@ -65,7 +65,7 @@ def command(
     console = Console(json_file)
     if model is not None and joint is None:
         raise ValueError(
-            "--model needs --joint NAME, the joint of the model that DEVICE is; add it"
+            "--model needs --joint NAME, the joint of the model that DEVICE describes; add it"
         )
     known = load_device(device)
     simulate, simulator = None, ""

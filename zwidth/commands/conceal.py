@@ -20,14 +20,14 @@ CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 @click.option("--strata", metavar="NAME=N,...",
               help="Number per class instead, as none=100,single_2x=50.")  # fmt: skip
 @click.option("--rigs", type=click.IntRange(0), default=0,
-              help="Number of rigs with effects at full size.")  # fmt: skip
+              help="Number of rigs: machines with several effects at full size.")  # fmt: skip
 @click.option("--outside", type=click.IntRange(0), default=0,
-              help="Number with a law that is not in the library.")  # fmt: skip
+              help="Number of recordings with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of all random numbers. The same seed makes the same files, so keep"
               " it as secret as the keys.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", 2.0),
-              help="Length of each recording. Default: 10 to 20 s, rigs 6 to 30 s.")  # fmt: skip
+              help="Length of each recording. Default: 10 to 20 s; rigs: 6 to 30 s.")  # fmt: skip
 @click.option(
     "--processes", type=click.IntRange(1), help="Number of parallel processes. Default: 1."
 )

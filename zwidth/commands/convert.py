@@ -187,7 +187,7 @@ def _show_source(console: Console, source: Source) -> None:
     if len(seen) > MOST_ROWS:
         console.say(f"and {len(seen) - MOST_ROWS} more")
     for name, reason in list(source.unreadable.items())[:MOST_ROWS]:
-        console.say(f"no signal: {name} {reason}")
+        console.say(f"not read: {name} {reason}")
     text = draft(source, seen)
     console.say(
         f"\nA recording TOML to start from (zwidth convert {source.path} FILE.toml writes it):\n"

@@ -77,7 +77,7 @@ def command(
         _template(console, template, save)
     elif model is not None:
         if device is not None:
-            raise click.UsageError("--from is the device; leave DEVICE out")
+            raise click.UsageError("--from already gives the device; leave DEVICE out")
         found, left_out = _read_model(model, joint)
         for what in left_out:
             console.note(f"left out: {what}")

@@ -53,8 +53,8 @@ ALL_JOINTS = "all"
     " searched for.",
 )  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to diagnose, in a recording with several or in MODEL. all: each"
-              " that moves in the recording, by itself, and one table of them.")  # fmt: skip
+              help="The joint to diagnose, in a recording with several or in MODEL. all: every"
+              " joint that moves in the recording, one by one, with a table.")  # fmt: skip
 @click.option(
     "--processes", type=click.IntRange(1), help="For a fleet: number of parallel processes."
 )

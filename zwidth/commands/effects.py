@@ -99,7 +99,7 @@ def _draw(console: Console, effect: Effect, stem: Path) -> None:
 def _keep(console: Console, name: str | None, file: Path) -> None:
     """Write what was learned as an effect of one's own."""
     if name is None:
-        raise click.UsageError("--learned needs the NAME that the effect is to have")
+        raise click.UsageError("--learned needs NAME, the name of the new effect")
     if name in LIBRARY or not IDENTIFIER.match(name):
         raise ValueError(
             f"NAME is {name!r}; allowed are small letters, digits and _, and no name of the library"
@@ -108,7 +108,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         result = json.loads(reading(file).read_text(encoding="utf-8"))
         found = result["learned"]
     except (ValueError, KeyError, TypeError):
-        raise ValueError(f"{file} is no result of 'zwidth diagnose --json FILE'") from None
+        raise ValueError(f"{file} is not a result of 'zwidth diagnose --json FILE'") from None
     if not found:
         raise ValueError(f"{file} has no learned law: every finding in it has a name")
     if not found["formulas"]:
@@ -120,7 +120,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     try:
         text = _effect_of(name, found, said)
     except (KeyError, TypeError):  # numbers or states that somebody left out
-        raise ValueError(f"{file} is no result of 'zwidth diagnose --json FILE'") from None
+        raise ValueError(f"{file} is not a result of 'zwidth diagnose --json FILE'") from None
     path = Path(FOLDER) / f"{name}.toml"
     console.will_write(path)
     path.parent.mkdir(exist_ok=True)

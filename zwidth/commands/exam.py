@@ -27,7 +27,8 @@ PICTURES = ("confusion", "magnitude", "reliability")
 @click.option("--count", type=click.IntRange(1),
               help="First make this many recordings in DIR, as 'zwidth conceal' does.")  # fmt: skip
 @click.option("--strata", metavar="NAME=N,...", help="First make this many of each class.")
-@click.option("--rigs", type=click.IntRange(0), default=0, help="First make this many rigs.")
+@click.option("--rigs", type=click.IntRange(0), default=0,
+              help="First make this many rigs: machines with several effects.")  # fmt: skip
 @click.option("--outside", type=click.IntRange(0), default=0,
               help="First make this many with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")

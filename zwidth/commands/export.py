@@ -103,9 +103,9 @@ def command(
     cost = cost_of(made, given, to, called, seconds, seed)
     written = write_bytes(out, made.content(cost.said))
     for sentence in made.lost:
-        console.say(f"not held: {sentence}")
+        console.say(sentence)
     if not made.lost:
-        console.say(f"{to} holds all of {given.name}")
+        console.say(f"{to} describes {given.name} completely")
     console.say(cost.said)
     console.say(f"wrote {written}")
     if randomise is not None:

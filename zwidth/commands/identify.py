@@ -123,8 +123,9 @@ def _tell(console: Console, device: Device, fit: Fit) -> None:
     columns += [Column("from"), Column("to (95 %)")]
     console.table(f"{device.name}: {len(fit.model.modes)} mode(s)", columns, rows)
     console.say(
-        f"noise {fit.noise_rms:.3g} {'rad' if device.rotary else 'm'} rms; error of the fit over"
-        f" noise, squared: {fit.misfit:.3g} (1 if only noise is left)"
+        f"noise {fit.noise_rms:.3g} {'rad' if device.rotary else 'm'} rms; squared error of the"
+        " fit,"
+        f" in units of the noise: {fit.misfit:.3g} (1 if only noise is left)"
     )
     for warning in warnings_of(device):
         console.warn(warning)

@@ -78,7 +78,7 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("perceptible_position", "--felt-position", "--perceptible-position",
               type=Quantity("rad | m", above=True),
               help="Smallest amplitude of dither that a hand feels. Default: the threshold of"
-              " vibration on the skin, of a rotary device at its --lever.")  # fmt: skip
+              " vibration on the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
@@ -148,7 +148,7 @@ def _refuse_idle_options(context: click.Context, options: dict[str, Any]) -> Non
             )
     for quantity in options["log"]:
         if quantity not in options["axes"]:
-            raise ValueError(f"--log {quantity} has no use while {quantity} is no axis")
+            raise ValueError(f"--log {quantity} has no use while {quantity} is not an axis")
 
 
 def _plane(device: Device, options: dict[str, Any]) -> Plane:

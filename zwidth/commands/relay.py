@@ -34,8 +34,8 @@ NONE = "-"
 @click.command("relay", cls=ManyNumbers)
 @device_argument("name")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
-              help="Loop delays; each is combined with each --damping. Default: Table"
-              " II.")  # fmt: skip
+              help="Loop delays; each is combined with each --damping. Default: those of"
+              " Table II of the paper.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), metavar="B ...",
               help="Virtual dampings; each is combined with each --delay-ms.")  # fmt: skip
 @click.option("--level", type=Quantity("N m | N", above=True), default=0.05, show_default=True,

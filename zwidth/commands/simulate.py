@@ -42,7 +42,7 @@ FATES = {  # of a wall: what of `sim/fate.py` is said beside it
 }
 
 
-SETTLED = " that the steps of encoder and command alone cannot keep up"
+SETTLED = " that the steps of encoder and command alone cannot sustain"
 
 
 @click.command("simulate")
@@ -53,7 +53,7 @@ SETTLED = " that the steps of encoder and command alone cannot keep up"
               help="Smallest force of dither that a hand feels. Default: 0.01.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude of dither that a hand feels. Default: the threshold of"
-              " vibration on the skin, of a rotary device at its --lever.")  # fmt: skip
+              " vibration on the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @out_option("runs")

@@ -45,8 +45,8 @@ GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what 
 )  # fmt: skip
 @click.option(
     "--idle", type=Quantity("s", above=True),
-    help="Stop after so many seconds without new data; else at the end of the source, or at"
-    " Ctrl-C.",
+    help="Stop after this many seconds without new data. Default: at the end of the source, or"
+    " at Ctrl-C.",
 )  # fmt: skip
 @click.option(
     "--damping", type=Quantity("N m s/rad | N s/m"), default=0.0, show_default=True,

@@ -29,7 +29,7 @@ class Download(RequestHandler):
     async def get(self, kind: str) -> None:
         """Answer with a file that a browser saves."""
         if self.request.host not in self.hosts:
-            raise HTTPError(403, "this server does not go by that name")
+            raise HTTPError(403, "this server has another name")
         try:
             content = await asyncio.to_thread(self._content, kind)
         except ValueError as error:

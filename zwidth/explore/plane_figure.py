@@ -166,7 +166,7 @@ class PlaneFigure:
 def bounded(result: FateMap) -> Floats:
     """Return the amplitudes (y, x); infinite for what grows where no limit holds it.
 
-    Infinite and not NaN, which Bokeh writes itself, whatever the formatter.
+    Infinite instead of NaN, since Bokeh writes NaN itself whatever the formatter is.
     """
     held = "command_limit" in (result.plane.x.quantity, result.plane.y.quantity)
     if held or np.isfinite(result.plane.device.interface.command_limit):

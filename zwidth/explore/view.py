@@ -99,7 +99,7 @@ def _span(lowest: float) -> Callable[[str], Span]:
 
 def _whole(text: str) -> int:
     if not (text.isdecimal() and text.isascii() and len(text) < 5):
-        raise ValueError("a whole number from 0 on")
+        raise ValueError("a whole number, 0 or more")
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""A boundary with what stands beside it: a band by hands, one by parameters, the passive walls."""
+"""A boundary with bands for the spread of hands and of parameters, and with the passive walls."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -23,11 +23,11 @@ def changes_figure(change: Change) -> Figure:
             own.times, factor * own.values,
             factor * np.array([own.values - own.lower, own.upper - own.values]),
             fmt="o", color=DOTS, markersize=3.5, linewidth=1.0, capsize=2.0,
-            label="each window by itself, 95 %",
+            label="each window by itself, 95 % interval",
         )  # fmt: skip
         ax.plot(own.line, factor * own.changed, color=LINE, linewidth=1.4, label="as fitted")
         if own.dated is not None:
-            ax.axvspan(*own.dated, color=DATE, zorder=0, label="date of the step, 95 %")
+            ax.axvspan(*own.dated, color=DATE, zorder=0, label="date of the step, 95 % interval")
         # An interval that fills the picture would hide the rest.
         near = factor * np.array([change.before.value, change.after.value, *own.values])
         spread = max(np.ptp(near), 1e-3 * abs(near[0]))

@@ -51,7 +51,7 @@ class Locus:
 
 
 def critical_figure(pieces: Sequence[Piece]) -> Figure:
-    """Return K_CR and f over B, one column a delay, coloured by the critical mode."""
+    """Return K_CR and f over B, one column per delay, coloured by the critical mode."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.2), layout="constrained")
         panels = figure.subplots(2, len(pieces), sharex="col", sharey="row", squeeze=False)
@@ -97,7 +97,7 @@ def loci_figure(loci: Sequence[Locus]) -> Figure:
 def damper_figure(
     effects: Sequence[tuple[str, str, Floats, Floats]], modes_hz: Sequence[float]
 ) -> Figure:
-    """Return the damper's real part over frequency, a line a delay, the modes marked."""
+    """Return the damper's real part over frequency, a line per delay, the modes marked."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.6), layout="constrained")
         axes = figure.subplots()

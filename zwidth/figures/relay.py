@@ -98,7 +98,7 @@ def relay_boundary_figure(
                 if any(map(has_theory, devices)) else []
             ),
             Line2D([], [], marker="o", markersize=8, alpha=0.6, **grey,
-                   label="cycle by relay, area: share of starts"),
+                   label="cycle found by the relay (area: share of starts)"),
             Line2D([], [], marker="o", markersize=9, markerfacecolor="none", **grey,
                    label="of the reference start"),
             Line2D([], [], marker="x", **grey, label="most starts diverge"),

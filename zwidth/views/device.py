@@ -23,7 +23,7 @@ MOST = 8  # parameters of an effect that are listed
 
 
 def table(device: Device) -> Table:
-    """Return a row a mass, and what of interface and physics is more than sampling."""
+    """Return a row per mass, and what of interface and physics is more than sampling."""
     unit = units(device.rotary)
     damping = f"[{unit.damping}]"
     headings = ("", f"mass [{unit.mass}]", f"damper to ground {damping}",

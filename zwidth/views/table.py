@@ -80,7 +80,7 @@ def _numeric(cell: str) -> bool:
 
 
 def _ruled(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a line of headings and one a row."""
+    """Return a line of headings and one per row."""
     from rich.console import Console
     from rich.table import Table as Grid
 

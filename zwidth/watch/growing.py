@@ -97,7 +97,9 @@ def of_file(path: Path, why: str = INPUT) -> Take:
     if not path.exists():
         raise LogNotFound(f"{path} does not exist yet; start what writes it first")
     if not path.is_file():
-        raise LogNotReadable(f"{path} is no regular file; give '-' and send it to standard input")
+        raise LogNotReadable(
+            f"{path} is not a regular file; give '-' and send it to standard input"
+        )
     reading(path, why)
     taken, first = 0, path.stat().st_ino
 

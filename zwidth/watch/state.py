@@ -78,7 +78,7 @@ class Gate:
 
 
 def at_once(found: Read) -> Gate:
-    """Look at what reading alone shows: gaps, clipping, too little of it."""
+    """Look for faults that need no model: gaps, clipping, too few data."""
     faults = {f"file: {w}": w for w in found.warnings}
     if found.trace is None:
         return Gate(faults, found.wanting)

@@ -161,11 +161,11 @@ class _Watch:
                     for sentence in said:
                         self._say(NOTE, sentence)
         except (ValueError, RuntimeError) as error:
-            self._say(NOTE, f"not searched: {error}")
+            self._say(NOTE, f"the search failed: {error}")
         try:
             fit = self.fits.take()
         except (ValueError, RuntimeError) as error:
-            self._say(NOTE, f"not fitted: {error}")
+            self._say(NOTE, f"the quick fit failed: {error}")
             return
         if isinstance(fit, Quick) and self.fitting is self.last:  # else a search has come since
             self.quick = fit
