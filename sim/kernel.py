@@ -399,7 +399,7 @@ def turn(p, h, dof, states, limits, friction, x0, x, own, more):
 
 
 @part
-def let_go(eq, values, w, play):
+def let_go(eq, h, values, w, play):
     """Open the links with play that carry nothing as a substep begins: their set, and the next bit.
 
     What is taken from them is no force then, but a propagator without them.
@@ -410,7 +410,7 @@ def let_go(eq, values, w, play):
         e = eq.gaps[g]
         i, j = eq.forces.first[e], eq.forces.second[e]
         q, v = across(w, 0, i, j), across(w, eq.dof, i, j)
-        side = pushed_side(q, v, play[g, PIN], eq.forces.parameters[e])
+        side = pushed_side(q, v, play[g, PIN], h, eq.forces.parameters[e])
         shut = side != 0.0
         values[e] = select(shut, values[e], 0.0)
         play[g, SIDE] = side
@@ -535,7 +535,7 @@ def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
                 friction_limits(eq, before, whole, strength, limits, shares)
                 members = lock(eq, before, limits)
             if eq.gaps.size > 0:
-                links, bit = let_go(eq, values, before, scratch.play)
+                links, bit = let_go(eq, h, values, before, scratch.play)
                 load(eq, values, external, before)
                 members = links + bit * members
             which = chosen(eq, segment, members, scratch.choice)

@@ -33,7 +33,7 @@ def model_of(physics: Sequence[Physics]) -> Model:
     return Model(drive(), tuple(physics), ({},) * len(physics))
 
 
-@pytest.mark.parametrize("begin", [400, 450, 500])
+@pytest.mark.parametrize("begin", [350, 450, 500])
 def test_what_is_behind_play_begins_on_its_side(begin: int) -> None:
     """At the truth, where the noise trusts the model enough to remember it.
 
@@ -80,7 +80,7 @@ def test_a_beginning_costs_what_it_says_and_a_judge_finds_it_too(
 def test_a_device_with_further_states_begins_too(more: Physics) -> None:
     """Mutation: as many units as the observer has states."""
     physics = (*BOTH, more)
-    e, _ = motor_alone(150)
+    e, _ = motor_alone(350)
     model = model_of(physics)
     x = np.zeros(len(model.parameters))
     far = as_far_as(0.05, [e])

@@ -47,7 +47,6 @@ UNITS = {
     "skew": ("s", "s"),
     "zero": ("rad", "m"),
 }  # fmt: skip
-SIGNED = ("gain", "origin", "skew", "zero")
 SAME_STEP = 0.01  # relative difference of steps that are the same
 NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
@@ -199,8 +198,7 @@ def linear(
         own, value = nominal[p.name], fitted[p.name]
         half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
         unit = UNITS[p.kind][0 if device.rotary else 1]
-        least = -math.inf if p.kind in SIGNED else 0.0
-        result[p.name] = (own, _within(value, half, unit, least))
+        result[p.name] = (own, Estimate(value, value - half, value + half, unit))
     return result | _of_recordings(device, final, experiments)
 
 

@@ -130,12 +130,18 @@ def at_a_side(z, p):
 
 
 @part
-def pushed_side(q, v, z, p):
-    """Side that the link pushes on, 1 or -1; 0 while it carries nothing. Without a gap it is 1."""
-    half = 0.5 * p[0]
-    whole, least_of = p[1] * q + p[2] * v, p[1] * half
-    upper = (z >= half) & (whole >= least_of)
-    lower = (z <= -half) & (whole <= -least_of)
+def pushed_side(q, v, z, h, p):
+    """Side that the link pushes on, 1 or -1; 0 while it carries nothing. Without a gap it is 1.
+
+    A pin at a side that the link pulls at (after a correction) leaves it with z' = T / c. Where
+    that crosses the gap within h, the link counts as pushing still, for `lets_go` to cross it.
+    """
+    half, whole = 0.5 * p[0], p[1] * q + p[2] * v
+    above, below = whole - p[1] * half, -whole - p[1] * half
+    damped = p[2] > 0.0
+    time, wide = select(damped, h, 1.0), 2.0 * half * select(damped, p[2], p[1])
+    upper = (z >= half) & ((above >= 0.0) | (-above * time > wide))
+    lower = (z <= -half) & ((below >= 0.0) | (-below * time > wide))
     return select(upper | (half == 0.0), 1.0, select(lower, -1.0, 0.0))
 
 
@@ -158,23 +164,30 @@ def lets_go(q0, v0, q1, v1, h, side, p):
 
     s is a line's, off by O(h), and so is what hangs on it, t_1: the impulse is off by O(h^3). The
     pin is where the deformation at s, of the cubic through both ends, has sprung back to; where it
-    is by then beyond the other side, the link pushes there from where a line says.
+    is by then beyond the other side, the link pushes there from where a line says. T may begin
+    below zero (`pushed_side`): then s = 0.
     """
     half = 0.5 * p[0]
     push = p[1] * half
     t0 = side * (p[1] * q0 + p[2] * v0) - push
     t1 = side * (p[1] * q1 + p[2] * v1) - push
     gone = (half > 0.0) & (t1 < 0.0)
-    s = select(gone, greatest(0.0, t0) / select(gone, greatest(0.0, t0) - t1, 1.0), 1.0)
+    held, pulled = greatest(0.0, t0), least(0.0, t0)
+    s = select(gone, held / select(gone, held - t1, 1.0), 1.0)
     rest = 1.0 - s
     there = rest * rest * ((1.0 + 2.0 * s) * q0 + s * h * v0)
     there += s * s * ((3.0 - 2.0 * s) * q1 - rest * h * v1)
     pin = q1 - (there - side * half) * springs_back(rest * h, p)
+    damped = p[2] > 0.0
+    leaves = select(damped, 0.5 * rest * h * t1 / select(damped, p[2], 1.0), 0.0)  # z' = T / c
+    pin = select(damped & gone, side * least(side * pin, half + leaves), pin)
     beyond = gone & (side * pin < -half)
-    across = select(beyond, 2.0 * half / select(beyond, half - side * pin, 1.0), 0.0)
-    mean = select(
-        beyond, push * (s - rest * (1.0 - across)), push + 0.5 * rest * select(gone, t1, 0.0)
-    )
+    across = select(beyond, 2.0 * half / select(beyond, half - side * pin, 1.0), 1.0)
+    crossing = push + pulled + 0.5 * across * (t1 - pulled)
+    mean = push * s + rest * select(gone, across * crossing - (1.0 - across) * push, 0.0)
+    # Pulled at first and pushing at the end: on the other side until then.
+    back = (half > 0.0) & (t0 < 0.0) & (t1 >= 0.0)
+    mean -= select(back, 2.0 * push * t0 / select(back, t0 - t1, 1.0), 0.0)
     return side * mean, select(gone, within_gap(pin, p), side * half)
 
 
