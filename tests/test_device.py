@@ -47,9 +47,9 @@ def test_a_ground_spring_at_m1_goes_to_the_chain() -> None:
 
 def test_a_device_is_checked() -> None:
     delay = make_physics("loop_delay", "clock", delay=0.001)
-    with pytest.raises(DeviceError, match=r"loop_delay@clock belongs to \[interface\]"):
+    with pytest.raises(DeviceError, match=r"loop_delay@clock is set in \[interface\]"):
         Device("a", "", True, PHANTOM.chain, physics=(delay,))
-    with pytest.raises(DeviceError, match="coulomb_friction@m1 is twice"):
+    with pytest.raises(DeviceError, match="coulomb_friction@m1 occurs twice"):
         Device("a", "", True, PHANTOM.chain, physics=(friction(), friction(0.1)))
     with pytest.raises(DeviceError, match="modal and chain describe different mechanisms"):
         Device("a", "", True, PHANTOM.rigid().chain, modal=PHANTOM.modal)

@@ -425,5 +425,5 @@ def test_a_table_without_names_says_what_to_write(tmp_path: Path) -> None:
 def test_columns_that_are_no_motion_are_named(tmp_path: Path) -> None:
     """Mutation: the time among them."""
     path = table(tmp_path, {"Time(s)": T, "CH1(V)": TORQUE, "CH2(V)": ANGLE})
-    with pytest.raises(RecordingError, match="position or a velocity, but CH1 and CH2; say"):
+    with pytest.raises(RecordingError, match="position or a velocity, only CH1 and CH2; name"):
         taken(path)

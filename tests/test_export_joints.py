@@ -153,7 +153,7 @@ def test_devices_from_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "has no joint 'b'" in capsys.readouterr().err
     (tmp_path / "m.xml").write_text("no model")
     assert cli.run([*line, "a"]) == 2
-    assert "is no model" in capsys.readouterr().err
+    assert "is not a model" in capsys.readouterr().err
     assert cli.run(["devices", "--joint", "a"]) == 2
 
 

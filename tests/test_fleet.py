@@ -423,8 +423,8 @@ def test_a_fleet_writes_over_none_of_its_inputs(
     ("line", "said"),
     [
         (["rig", "rig/d000/r00.toml"], "one of them is a fleet"),
-        (["rig", "--validate", "rig/d000/r00.toml"], "--validate has no use with a fleet"),
-        (["rig", "--wall"], "--wall has no use with a fleet"),
+        (["rig", "--validate", "rig/d000/r00.toml"], "--validate cannot be used with a fleet"),
+        (["rig", "--wall"], "--wall cannot be used with a fleet"),
         (["rig/d000/r00.toml", "--processes", "2"], "--processes and --cluster are for a fleet"),
     ],
 )

@@ -157,7 +157,7 @@ def test_tables_that_are_none_are_refused(table: str, said: str) -> None:
 
 def test_rows_of_three_numbers_are_refused() -> None:
     """From Python, where no reader counts a row first."""
-    with pytest.raises(ValueError, match="second has a row of 3 numbers; a row is a state and a"):
+    with pytest.raises(ValueError, match="second has a row of 3 numbers; a row is a state and"):
         two_tables_values(["position", "time"], drawn(2, 1), [(0.0, 1.0, 2.0), (1.0, 1.0, 1.0)])
 
 

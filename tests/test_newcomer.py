@@ -233,7 +233,7 @@ def test_somebody_at_a_terminal_is_asked_and_nobody_else(tmp_path: Path):
     assert any("drives" in question for question in asked)
     alone = assumed(source, "d.csv")
     assert "[input]" not in alone.text
-    assert any("taken as a free motion" in doubt for doubt in alone.doubts)
+    assert any("taken as a motion that nothing drives" in doubt for doubt in alone.doubts)
 
 
 def test_a_clock_that_scatters_has_one_period_in_all_that_is_said_of_it(

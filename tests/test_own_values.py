@@ -119,7 +119,7 @@ def test_a_word_that_no_fitted_recording_has_is_refused_where_it_judges() -> Non
     ("key", "says"),
     [
         ("masess", "did you mean 'masses'"),
-        ("link_springs", "the device file has none"),
+        ("link_springs", "the device has no link_springs"),
         ("coulomb_friktion@m1.level", "did you mean 'coulomb_friction'"),
         ("coulomb_friction@m1.levle", "did you mean 'level'"),
         ("coulomb_friction@n1.level", "n1"),

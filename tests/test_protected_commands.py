@@ -88,6 +88,9 @@ CASES: dict[str, Case | str] = {
     ),
     "explore": NOTHING,
     "mcp": NOTHING,
+    "report": Case(
+        "r.diagnosis.html --json o/x.json", ("o/x.json",), ("r.diagnosis.html",), "headline_of"
+    ),
     "simulate": Case(
         "wall.toml --out o",
         ("o/wall.mcap", "o/wall.png"),
@@ -201,6 +204,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (folder / "rec.toml").write_text(DESCRIPTION)
     (folder / "wall.toml").write_text(SCENARIO)
+    (folder / "r.diagnosis.html").write_text("<title>Friction is missing</title>")
     logged_run(load_scenario(folder / "wall.toml"), folder / "run.mcap", epoch_ns=0)
     conceal(folder / "sealed", orders(folder / "sealed", {"none": 1}, 0, 2.0), Local())
     shutil.rmtree(folder / RECORDS)  # now they are files like any other

@@ -91,7 +91,7 @@ def test_a_column_with_as_many_texts_as_numbers_is_text() -> None:
     ):
         source["c"]
     words = read("a,b\n1,idle\n3,idle\n5,6\n")
-    with pytest.raises(RecordingError, match="no number; 1 below it are none either"):
+    with pytest.raises(RecordingError, match="not a number; 1 below it are none either"):
         words["b"]
 
 
@@ -137,7 +137,7 @@ def test_what_cannot_be_found_out_can_be_said() -> None:
         (b"no table at all", "no line of numbers"),
         (b"a,b\n-,-\n", "no line of numbers"),
         (b"\x00\x01\x02\x03", "neither text nor a format known here"),
-        (b"\xff\xfe\x31", "no UTF-16 text"),
+        (b"\xff\xfe\x31", "not UTF-16 text"),
     ],
 )
 def test_other_files_are_refused(data: bytes, words: str) -> None:

@@ -181,7 +181,7 @@ def test_runs_that_begin_anew_are_taken_one_after_another(
     path.write_text(text("t,torque,angle", t, U, Q))
     trace, _ = taken(path)
     warnings = cast("list[str]", trace.facts["warnings"])
-    assert any("begins anew at 0 s, twice: 3 runs are taken" in w for w in warnings)
+    assert any("starts again at 0 s, twice: 3 runs are taken" in w for w in warnings)
     assert np.flatnonzero(np.diff(trace.t) > 0.5).tolist() == [lengths[0] - 1, sum(lengths[:2]) - 1]
 
 

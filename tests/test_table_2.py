@@ -115,5 +115,5 @@ def test_damping_beyond_the_model_is_seen_in_full():
 def test_too_few_rows_are_refused():
     with pytest.raises(ValueError, match="has 2 neighbours; before the jump of f it needs 3 rows"):
         judged(as_meant()[:3], MODEL, PERIOD)
-    with pytest.raises(ValueError, match="after it 1 within a tenth"):
+    with pytest.raises(ValueError, match="after it 1 row whose f is within a tenth"):
         judged([*as_meant()[:5], as_meant()[12]], MODEL, PERIOD)

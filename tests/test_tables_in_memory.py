@@ -60,7 +60,7 @@ def test_a_table_of_arrow() -> None:
 
 
 def test_the_errors_name_the_argument() -> None:
-    with pytest.raises(RecordingError, match=r"command is 'torqe', no column.*'torque'"):
+    with pytest.raises(RecordingError, match=r"command is 'torqe', which is not a .*'torque'"):
         trace_of({"t": T, "torque": U, "angle": Q}, {"command": "torqe"})
     with pytest.raises(RecordingError, match="has no column of numbers"):
         trace_of({"t": ["a", "b", "c"]})

@@ -94,6 +94,7 @@ if _TYPE_CHECKING:
     from zwidth.identification.relay import RelayTest as RelayTest
     from zwidth.jobs.choose import executor as executor
     from zwidth.jobs.executor import Executor as Executor
+    from zwidth.logs.annotations import Annotation as Annotation
     from zwidth.logs.events import Event as Event
     from zwidth.logs.in_memory import Frame as Frame
     from zwidth.logs.mcap_reader import Log as Log
@@ -152,6 +153,7 @@ if _TYPE_CHECKING:
 
 # name -> the module that it comes from; the same list as above, for the running program.
 HOMES = {
+    "Annotation": "zwidth.logs.annotations",
     "Axis": "zwidth.stability.plane",
     "Boundary": "zwidth.stability.boundary",
     "BoundaryPoint": "zwidth.stability.boundary",

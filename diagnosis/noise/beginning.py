@@ -54,8 +54,9 @@ from zwidth.sim.population import Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
 # Of Gauss and Newton at most, for what they cost: at nine beginnings of the rig above twice as many
-# gained nothing at five, and 12 to 560 in -2 ln at four. Of nine beginnings of two masses with play
-# (`tests/test_noise_beginning.py`, from 300 to 700) one stays at the linear answer, on the wrong side.
+# gained nothing at five, and 12 to 560 in -2 ln at four. Of nine beginnings of two masses with
+# play (`tests/test_noise_beginning.py`, from 300 to 700) one stays at the linear answer, on the
+# wrong side.
 TURNS = 6
 NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
 STEPS = 2  # with creases, by slopes that are only near: a third gained nothing

@@ -9,7 +9,7 @@ import click
 
 from zwidth.console import Console
 from zwidth.files.protection import reading
-from zwidth.options import json_option
+from zwidth.options import force_option, json_option
 
 ENDINGS = (".diagnosis.html", ".fleet.html")
 HEADLINE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
@@ -18,6 +18,7 @@ HEADLINE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 @click.command("report")
 @click.argument("what", metavar="[WHAT]", default="runs", type=click.Path(path_type=Path))
 @click.option("show", "--open", is_flag=True, help="Open it in the browser.")
+@force_option
 @json_option
 def command(what: Path, show: bool, json_file: str | None) -> None:
     """Find the report of a diagnosis, and open it with --open.
@@ -31,15 +32,20 @@ def command(what: Path, show: bool, json_file: str | None) -> None:
     console = Console(json_file)
     path = found(what)
     text = reading(path).read_text(encoding="utf-8")
-    title = HEADLINE.search(text)
-    headline = unescape(title[1]) if title else path.stem
-    size = path.stat().st_size
     console.will_write()
+    headline = headline_of(text) or path.stem
+    size = path.stat().st_size
     console.say(headline)
     console.say(f"{path} ({size / 1e6:.2f} MB)")
     if show and not webbrowser.open(path.resolve().as_uri()):
         console.warn(f"no browser could be started; open {path} in one")
     console.result({"report": str(path), "headline": headline, "bytes": size})
+
+
+def headline_of(text: str) -> str | None:
+    """Return the headline of a report, its title; None without one."""
+    title = HEADLINE.search(text)
+    return unescape(title[1]) if title else None
 
 
 def found(what: Path) -> Path:
