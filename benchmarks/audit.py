@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.command import between_marks, ended
 from zwidth.diagnosis.answer.band import windows_of
 from zwidth.diagnosis.answer.findings import UNITS
 from zwidth.diagnosis.answer.result import Estimate
@@ -30,7 +31,6 @@ from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.searched import judge_of
 from zwidth.diagnosis_report import estimate
-from zwidth.errors import explain
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text
 from zwidth.logs.recording import read_recording
@@ -43,7 +43,6 @@ Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
 MACHINES = ROOT / "docs" / "machines"
 PAGE = ROOT / "benchmarks" / "notes" / "audit.md"
-BEGIN, END = "<!-- made by benchmarks/audit.py -->\n", "<!-- until here -->\n"
 HORIZON_S = 0.5
 
 
@@ -222,18 +221,16 @@ def main() -> int:
     options.add_argument("--only", choices=list(SETS), action="append", help="this set")
     options.add_argument("--write", action="store_true", help="write the page, too")
     asked = options.parse_args()
-    try:
+
+    def work() -> None:
         made = table([audit(SETS[name], asked.recordings) for name in asked.only or list(SETS)])
         print(made)
         if asked.write:
-            before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+            page = between_marks(PAGE.read_text(encoding="utf-8"), made, "benchmarks/audit.py")
             with writing_as("audit", overwrite=True):
-                write_text(PAGE, before + BEGIN + made + END + rest.split(END)[1])
-    except (OSError, ValueError) as error:
-        status, sentence = explain(error)
-        print(f"Error: {sentence}", file=sys.stderr)
-        return int(status)
-    return 0
+                write_text(PAGE, page)
+
+    return ended(work)
 
 
 if __name__ == "__main__":

@@ -22,12 +22,12 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: cores go to simulations
 
+from benchmarks.command import between_marks, ended
 from benchmarks.peer import by_mujoco, by_pysindy, by_sysidentpy, by_zwidth
 from benchmarks.peer.method import Foretold
-from benchmarks.peer.page import between_marks, figure, found, not_computed, table
+from benchmarks.peer.page import figure, found, not_computed, table
 from benchmarks.peer.rows import Row, keep, keep_run, kept, kept_run, row_of
 from benchmarks.peer.sets import KINDS, Floats, Set, judged, read
-from zwidth.errors import explain
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 
@@ -177,7 +177,7 @@ def draw() -> None:
     runs = {(r.set, r.method): kept_run(RESULTS, f"{r.set}.{r.method}") for r in rows}
     periods = {name: KINDS[name].period for name in measured}
     picture = figure(rows, ORDER, measured, runs, periods)
-    text = between_marks(page.read_text(encoding="utf-8"), made)
+    text = between_marks(page.read_text(encoding="utf-8"), made, "benchmarks/peers.py")
     with writing_as("peers", overwrite=True):
         write_text(page, text)
         write_with(
@@ -197,17 +197,15 @@ def main() -> int:
     asked = options.parse_args()
     if asked.recordings is None and not asked.draw:
         options.error("name the folder of RECORDINGS, or say --draw")
-    try:
+
+    def work() -> None:
         if asked.recordings is not None:
             compute(asked.recordings, asked.only or list(KINDS), asked.only_peer or list(PEERS))
             print(table(kept(RESULTS), ORDER, KNOWN))
         if asked.draw:
             draw()
-    except (OSError, ValueError) as error:
-        status, sentence = explain(error)
-        print(f"Error: {sentence}", file=sys.stderr)
-        return int(status)
-    return 0
+
+    return ended(work)
 
 
 if __name__ == "__main__":

@@ -121,11 +121,11 @@ def _frictions(model: str, numbers: dict[str, float], left_out: list[str]) -> li
 def _read(path: Path) -> tuple[str, dict[str, float], str]:
     """Return model, numbers and actuator."""
     if not path.is_file():
-        raise ValueError(f"{path} is no file; give a JSON of BAM's parameters")
+        raise ValueError(f"{path} is not a file; give the JSON of BAM's parameters")
     try:
         told = json.loads(reading(path).read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no JSON of BAM: {error}") from None
+        raise ValueError(f"{path} is not a JSON file of BAM: {error}") from None
     if not isinstance(told, dict) or "model" not in told:
         raise ValueError(
             f'{path} has no "model"; a JSON of BAM is one object with "model": "m1" to "m6" and its'

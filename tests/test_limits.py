@@ -75,6 +75,11 @@ def test_limits_are_those_computed_elsewhere(name: str, at: str, values: dict[st
     assert 1.0 / 1.55 < ratio < 1.55
 
 
+def test_a_gap_that_vanishes_leaves_nothing():
+    """Mutations: `leaves` of `lets_go` 0; no crossing in `pushed_side`."""
+    assert sigma(prepared(), make_physics("backlash", "link12", gap=1e-15)) < 1e-3
+
+
 def test_limits_that_depend_on_what_is_refitted():
     """A constant force shows at 7e-5 N m where no spring to ground is refitted beside it (the
     published value), at twice that where it is. A lag is second order in its time constant once a

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks import peers
+from benchmarks.command import between_marks
 from benchmarks.peer.method import state_before
-from benchmarks.peer.page import BEGIN, END, between_marks, figure, not_computed, table
+from benchmarks.peer.page import figure, not_computed, table
 from benchmarks.peer.rows import Row, keep, keep_run, kept, kept_run, row_of
 from benchmarks.peer.sets import KINDS, Error, Floats, Part, inner, judged
 
@@ -119,10 +120,10 @@ def test_a_file_of_no_rows_is_refused(tmp_path: Path):
 
 
 def test_a_page_keeps_its_text_around_the_table():
-    page = f"before\n{BEGIN}old\n{END}after\n"
-    assert between_marks(page, "new\n") == f"before\n{BEGIN}new\n{END}after\n"
-    with pytest.raises(ValueError, match="both marks"):
-        between_marks("a page\n", "new\n")
+    page = "before\n<!-- made by x.py -->\nold\n<!-- until here -->\nafter\n"
+    assert between_marks(page, "new\n", "x.py") == page.replace("old", "new")
+    with pytest.raises(ValueError, match="the page lacks"):
+        between_marks("a page\n", "new\n", "x.py")
 
 
 def test_the_picture_draws_runs_and_names_those_that_diverge():

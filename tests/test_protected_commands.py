@@ -204,7 +204,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (folder / "rec.toml").write_text(DESCRIPTION)
     (folder / "wall.toml").write_text(SCENARIO)
-    (folder / "r.diagnosis.html").write_text("<title>Friction is missing</title>")
+    (folder / "r.diagnosis.html").write_text("<html><title>Friction is missing</title></html>")
     logged_run(load_scenario(folder / "wall.toml"), folder / "run.mcap", epoch_ns=0)
     conceal(folder / "sealed", orders(folder / "sealed", {"none": 1}, 0, 2.0), Local())
     shutil.rmtree(folder / RECORDS)  # now they are files like any other

@@ -107,7 +107,7 @@ def test_the_report_is_found_and_opened(
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)  # pyright: ignore[reportUnknownLambdaType, reportUnknownArgumentType, reportUnknownMemberType]
     assert cli.run(["report"]) == 2
-    assert "runs is no report" in capsys.readouterr().err
+    assert "runs is not a report" in capsys.readouterr().err
     Path("runs").mkdir()
     assert cli.run(["report"]) == 2
     assert "there is no report in runs; 'zwidth diagnose" in " ".join(
@@ -115,7 +115,7 @@ def test_the_report_is_found_and_opened(
     )
     for age, name in enumerate(("new", "old one")):
         file = Path("runs") / f"{name}.diagnosis.html"
-        file.write_text(f"<title>Coulomb &amp; {name}</title>")
+        file.write_text(f"<title>Coulomb &amp; {name}</title></html>")
         os.utime(file, (1e9 - age, 1e9 - age))
     assert cli.run(["report", "--open", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["headline"] == "Coulomb & new"
@@ -123,4 +123,7 @@ def test_the_report_is_found_and_opened(
     assert cli.run(["report", "data/old one.csv"]) == 0
     assert "Coulomb & old one" in capsys.readouterr().out
     assert cli.run(["report", "other.csv"]) == 2
-    assert "other.csv is no report" in capsys.readouterr().err
+    assert "other.csv is not a report" in capsys.readouterr().err
+    Path("cut.diagnosis.html").write_text("<title>Coulomb")
+    assert cli.run(["report", "cut.diagnosis.html"]) == 2
+    assert "is not a whole report" in capsys.readouterr().err

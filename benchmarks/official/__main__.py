@@ -18,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.command import between_marks, ended
 from benchmarks.official.boards import BOARDS, Board, Floats, placed
 from benchmarks.official.by_identibench import scores
 from benchmarks.official.floor import floors
 from zwidth import Diagnosis
-from zwidth.errors import explain
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text
 from zwidth.sim.device import place_label
@@ -30,7 +30,6 @@ from zwidth.sim.readable import with_unit
 
 PAGE = Path(__file__).parents[2] / "docs" / "official.md"
 RUNS = Path(__file__).parents[2] / "runs" / "official"
-BEGIN, END = "<!-- made by benchmarks/official -->\n", "<!-- until here -->\n"
 STEP = 5e-8  # m, of EMPS' encoder
 
 
@@ -121,21 +120,18 @@ def main() -> int:
     options.add_argument("--only", choices=list(BOARDS), action="append", help="this board")
     options.add_argument("--write", action="store_true", help="write docs/official.md, too")
     asked = options.parse_args()
-    try:
+
+    def work() -> None:
         RUNS.mkdir(parents=True, exist_ok=True)
         folder = placed(asked.recordings, RUNS)
         made = table([result_of(BOARDS[name], folder) for name in asked.only or list(BOARDS)])
         print(made)
         if asked.write:
-            page = PAGE.read_text(encoding="utf-8")
-            before, rest = page.split(BEGIN)
+            page = between_marks(PAGE.read_text(encoding="utf-8"), made, "benchmarks/official")
             with writing_as("official", overwrite=True):
-                write_text(PAGE, before + BEGIN + made + END + rest.split(END)[1])
-    except (OSError, ValueError) as error:
-        status, sentence = explain(error)
-        print(f"Error: {sentence}", file=sys.stderr)
-        return int(status)
-    return 0
+                write_text(PAGE, page)
+
+    return ended(work)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from benchmarks.peer.rows import Row
 from benchmarks.peer.sets import KINDS, Floats, Kind
 from zwidth.figures.style import STYLE
 
-BEGIN, END = "<!-- made by benchmarks/peers.py -->\n", "<!-- until here -->\n"
 DIVERGES = "diverges"
 HEAD: tuple[str, ...] = (
     "| set | method | held-out free run, rms | of the motion | CPU s | what had to be known |"
@@ -71,21 +70,6 @@ def in_order(rows: Sequence[Row], order: Sequence[str]) -> list[Row]:
     """Rows of one set in the order of methods, those of no place in it last."""
     places = {method: place for place, method in enumerate(order)}
     return sorted(rows, key=lambda row: places.get(row.method, len(places)))
-
-
-def between_marks(page: str, made: str) -> str:
-    """Return a page with what was made between its two marks.
-
-    Raises ValueError where it has not both.
-    """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(
-            f"the page has not both marks {BEGIN.strip()!r} and {END.strip()!r}; put them where the"
-            " table is to stand"
-        )
-    return before + BEGIN + made + END + after
 
 
 def _errors(kind: Kind, row: Row) -> str:

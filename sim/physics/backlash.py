@@ -162,10 +162,15 @@ def lets_go(q0, v0, q1, v1, h, side, p):
 
         mean of what is taken = side (k a + (1 - s) t_1 / 2).
 
+    A pin that crosses the gap by then does so in a part g of (1 - s), by a line; on the other side
+    -k a is taken:
+
+        side (s k a + (1 - s) [g (k a + g t_1 / 2) - (1 - g) k a]).
+
     s is a line's, off by O(h), and so is what hangs on it, t_1: the impulse is off by O(h^3). The
-    pin is where the deformation at s, of the cubic through both ends, has sprung back to; where it
-    is by then beyond the other side, the link pushes there from where a line says. T may begin
-    below zero (`pushed_side`): then s = 0.
+    pin is where the deformation at s, of the cubic through both ends, has sprung back to, or where
+    z' = T / c brings it, if that is farther from the side. T may begin below zero (`pushed_side`):
+    then s = 0, and the mean holds with t_0 besides.
     """
     half = 0.5 * p[0]
     push = p[1] * half

@@ -32,6 +32,8 @@ def command(what: Path, show: bool, json_file: str | None) -> None:
     console = Console(json_file)
     path = found(what)
     text = reading(path).read_text(encoding="utf-8")
+    if "</html>" not in text:
+        raise ValueError(f"{path} is not a whole report; run 'zwidth diagnose' again to make it")
     console.will_write()
     headline = headline_of(text) or path.stem
     size = path.stat().st_size
@@ -65,6 +67,6 @@ def found(what: Path) -> Path:
             if (file := folder / f"{stem}{ending}").is_file():
                 return file
     raise ValueError(
-        f"{what} is no report, and none of it is in runs/; give NAME.diagnosis.html, a folder of"
+        f"{what} is not a report, and runs/ has none for it; give NAME.diagnosis.html, a folder of"
         " them, or the recording that was diagnosed"
     )
