@@ -157,6 +157,12 @@ class Verdict:
     having. Tuned: nobody would act on less, and of 13 recordings without a law one got a law that
     left 0.94 (`benchmarks.learned_laws`)."""
 
+    known_law: float = 0.5
+    """Half of a learned curve's 95 % band over what bends in it, both rms, above which an answer
+    predicts a new command by its names alone. Tuned on two machines' training data: 0.04 for a
+    spring that moves over all of its range, 0.88 for friction of which a recording dwells at three
+    speeds (`python -m benchmarks.official`)."""
+
     worse_force: float = 1.05
     """Ratio to the refit's error, of the force that the recorded motion needs, above which an
     answer is rejected. Tuned: on eight machines' pages answers have 0.2 to 0.6."""

@@ -41,6 +41,7 @@ from zwidth.diagnosis.recording.drive_force import Pushed
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.smooth_command import held_for
 
 if TYPE_CHECKING:
@@ -48,9 +49,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 LEAST = 10  # samples, of which the slope of a position is taken
-# Of what bends in a law, rms, that half of its band may be for it to predict. Seen are 0.04, of a
-# spring that moves all over, and 0.88, of friction of which a recording dwells at three speeds.
-KNOWN = 0.5
 KEPT = ("period", "outputs", "swing", "differenced", "folded")
 
 
@@ -96,7 +94,7 @@ def _is_known(law: "LearnedLaw | LearnedSurface") -> bool:
     line = np.column_stack([np.ones(curve.states.size), curve.states])
     bends = np.eye(curve.states.size) - line @ np.linalg.pinv(line)
     half = Z95**2 * np.trace(bends @ curve.covariance @ bends)
-    return bool(half <= KNOWN**2 * np.sum((bends @ curve.forces) ** 2))
+    return bool(half <= VERDICT.known_law**2 * np.sum((bends @ curve.forces) ** 2))
 
 
 def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | None:
