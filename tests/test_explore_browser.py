@@ -327,14 +327,18 @@ PRESS = """async (key) => {
   const text = Bokeh.documents[0].get_model_by_name("progress")
   const frame = () => new Promise(done => requestAnimationFrame(done))
   const times = []
-  return await new Promise(done => {
+  return await new Promise((done, failed) => {
     let began = null
+    const slow = setTimeout(() => failed(new Error(
+      `no new picture: ${JSON.stringify(times)}, now ${text.html}, ${document.visibilityState}`
+    )), 30000)
     const changed = async () => {
       const said = text.html
       await frame(); await frame()  // drawn in the first, seen in the second
       times.push([performance.now() - began, said])
       if (said.includes("11 \u00d7 11")) return
       text.properties.html.change.disconnect(changed)
+      clearTimeout(slow)
       done(times)
     }
     text.properties.html.change.connect(changed)

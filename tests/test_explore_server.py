@@ -314,6 +314,21 @@ def test_a_picture_that_comes_late_does_not_replace_a_newer_one():
     session.close()
 
 
+def test_a_slider_moved_and_back_is_computed_anew(monkeypatch: pytest.MonkeyPatch):
+    """However fast it is then. Mutation: `older_than` compares without the request."""
+    document = Document()
+    session = Session(document, BENCH, View(), [])
+    session.page.put_on(document)
+    settled(session, document)
+    assert session.drawn is not None
+    session.drawn = session.drawn._replace(finished=False, seconds=1e9)  # as at a busy moment
+    session.change(encoder_step=1e-3)
+    session.change(encoder_step=None)
+    settled(session, document)
+    assert session.drawn.seconds < 1e9
+    session.close()
+
+
 def test_only_the_newest_request_is_finished():
     """Mutation: no look at the ticket between steps."""
     done, started, go_on = list[int](), threading.Event(), threading.Event()

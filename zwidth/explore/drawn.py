@@ -2,21 +2,22 @@
 
 from typing import NamedTuple
 
-from zwidth.explore.view import OF_THE_PLANE, View, differ
 from zwidth.stability.fate_map import FateMap
 
 
 class Drawn(NamedTuple):
-    """A map of a view as far as it was computed after so many seconds."""
+    """A map as far as it was computed after so many seconds, for the page's n-th request of one."""
 
-    view: View
+    request: int
     result: FateMap
     middle: bool
     finished: bool
     seconds: float
 
     def older_than(self, other: "Drawn | None") -> bool:
-        """Whether other is the same plane, further on: what waits to be shown keeps no order."""
-        if other is None or differ(self.view, other.view, OF_THE_PLANE):
-            return False
-        return self.seconds < other.seconds
+        """Whether other answers the same request, further on: what waits to be shown has no order.
+
+        Of the same request, not of the same view: who moves a slider and back asks anew, and what
+        was seen of the first time must not hide what comes now.
+        """
+        return other is not None and self.request == other.request and self.seconds < other.seconds

@@ -32,6 +32,7 @@ class Session:
         self.document, self.bench, self.view = document, bench, view
         self.recording = bench.recording
         self.drawn: Drawn | None = None
+        self.request = 0  # the newest for a plane
         self.run_waits = False
         self.planes, self.runs = (Newest(self._failed) for _ in range(2))
         try:
@@ -128,7 +129,8 @@ class Session:
         self.page.show_view(view)
         self.run_waits = self.run_waits or differ(before, view, OF_THE_RUN)
         if self.drawn is None or differ(before, view, OF_THE_PLANE):
-            self.planes.ask(partial(self._compute_plane, view, self.bench.plane(view)))
+            self.request += 1
+            self.planes.ask(partial(self._compute_plane, self.request, self.bench.plane(view)))
         elif before.layer != view.layer:
             self._show_plane(self.drawn)
         if self.run_waits and not differ(before, view, OF_THE_PLANE):
@@ -138,14 +140,15 @@ class Session:
         if before.recording_from != view.recording_from or before == View():
             self._show_recording()
 
-    def _compute_plane(self, view: View, plane: Plane) -> Iterator[None]:
+    def _compute_plane(self, request: int, plane: Plane) -> Iterator[None]:
         began = perf_counter()
         due = began + PATIENCE_S
         for latest in sketch(plane):
             now = perf_counter()
             if latest.finished or now > due:
                 due = now + max(PATIENCE_S, now - began)  # fewer and fewer: each costs the browser
-                drawn = Drawn(view, latest.filled(), latest.middle, latest.finished, now - began)
+                filled, seconds = latest.filled(), now - began
+                drawn = Drawn(request, filled, latest.middle, latest.finished, seconds)
                 self._later(partial(self._show_plane, drawn))
             yield
 
@@ -157,7 +160,7 @@ class Session:
         self._later(partial(self._show_run, found, other))
 
     def _show_plane(self, drawn: Drawn) -> None:
-        if differ(drawn.view, self.view, OF_THE_PLANE) or drawn.older_than(self.drawn):
+        if drawn.request != self.request or drawn.older_than(self.drawn):
             return
         self.drawn = drawn
         self.page.plane.show_map(drawn.result, self.view.layer)
