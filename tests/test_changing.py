@@ -132,7 +132,7 @@ def test_the_course_shows_what_each_window_says():
     """Mutation that breaks it: a window's own slopes left out of what it shares with the others."""
     h, _ = step()
     index = [p.name for p in h.model.parameters].index("coulomb_friction@m1.level")
-    told = course(h, index)
+    told = course(h, index, None)
     p = h.model.parameters[index]
     levels = h.model.effects[0].values["level"] + p.scale * told.x
     early, late = told.times < 6.5, told.times > 7.5
@@ -181,6 +181,41 @@ def test_what_moves_slowly_is_no_step(shape: str):
     if shape == SETTLES:
         assert suspect.rates[0] <= 300.0 <= suspect.rates[1]
         assert suspect.rate == pytest.approx(300.0, rel=0.25)
+
+
+def test_an_offset_drifts_that_two_levels_hold_between_them():
+    """A constant force beside friction by direction is none of its own.
+
+    Mutations that break it: ways of single parameters alone; the second level not moved; the sign
+    of either; the course not turned.
+    """
+    e = recording(12.0, 8, {})
+    drift = 1e-3 * np.linspace(-1.0, 1.0, e.ticks)[:, None]
+    e = replace(e, command=e.command - drift.reshape(e.command.shape))  # it acts, and nobody knows
+    levels = {"level_plus": 0.02, "level_minus": 0.02}
+    friction = make_physics(
+        "directional_friction", "m1", **levels, viscous_plus=0.0, viscous_minus=0.0
+    )
+    model = Model(DEVICE).with_effect(friction, levels)
+    h = settled(judged([e], model, np.zeros(len(model.parameters))))
+    suspect = suspected(h)
+    assert suspect is not None
+    assert (suspect.of, suspect.against, suspect.shape) == (
+        "directional_friction@m1.level_minus", "directional_friction@m1.level_plus", DRIFT,
+    )  # fmt: skip
+    new = varied(h, suspect)
+    assert new is not None
+    ends = new.hypothesis.model.effects_at(new.hypothesis.x)[0].values
+    assert ends["level_minus"] == pytest.approx(0.021, rel=5e-3)
+    assert ends["level_plus"] == pytest.approx(0.019, rel=5e-3)
+    change = change_of(new, h.experiments)
+    assert change.sentence.startswith("the constant force at the motor drifted from -1.0")
+    assert change.after.lower < 1e-3 < change.after.upper
+    assert change.by.value == pytest.approx(2e-3, rel=0.05)
+    shown = change.windows
+    truth = np.interp(shown.times, (0.0, 12.0), (-1e-3, 1e-3))
+    assert np.mean((shown.lower < truth) & (truth < shown.upper)) > 0.8
+    assert np.abs(shown.values - truth).mean() < 4e-4
 
 
 @pytest.mark.parametrize("seed", range(6))

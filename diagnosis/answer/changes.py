@@ -52,7 +52,7 @@ from zwidth.diagnosis.learning.changing import (
     with_varying,
 )
 from zwidth.diagnosis.mishaps import Say, attempt
-from zwidth.diagnosis.model.parameters import Model, values_of
+from zwidth.diagnosis.model.parameters import Model, Parameter, values_of
 from zwidth.diagnosis.noise.predictor import SETTLING, window
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
@@ -103,6 +103,7 @@ class Change:
     explain it equally well. gained: decrease of -2 ln likelihood, less all penalties. free_run:
     errors of free runs on held-out data, over the motion, without the change and with it; None if
     the change itself is held out. windows: the value in each part of the recording by itself.
+    against: what changes is a constant force, of which twice is `parameter` less this one.
     """
 
     parameter: str
@@ -126,6 +127,7 @@ class Change:
     covariate_ends: tuple[float, float] | None = None
     each: tuple[tuple[str, Estimate], ...] = ()
     as_well: tuple[str, ...] = ()
+    against: str | None = None
 
     @property
     def of(self) -> str:
@@ -138,11 +140,10 @@ class Change:
         """The parameter in words."""
         if self.effect is None or self.place is None:
             return parameter_in_words(self.parameter, self.after.unit)
-        name = self.parameter.replace("_", " ")
-        return (
-            f"the {name} of {effect_in_words(self.effect)}"
-            f" {place_in_words(place_at(self.place), self.masses)}"
-        )
+        where = place_in_words(place_at(self.place), self.masses)
+        if self.against is not None:
+            return f"the constant force {where}"
+        return f"the {self.parameter.replace('_', ' ')} of {effect_in_words(self.effect)} {where}"
 
     @property
     def sentence(self) -> str:
@@ -203,6 +204,7 @@ class Change:
             "parameter": self.parameter,
             "effect": self.effect,
             "at": self.place,
+            "against": self.against,
             "shape": self.shape,
             "recording": self.recording,
             "at_s": self.at,
@@ -263,6 +265,7 @@ def _one_more(
     if suspect is None:
         return None
     where, _, name = suspect.of.replace("@", " at ").rpartition(".")
+    name = "constant force" if suspect.against else name.replace("_", " ")
     say(f"checking whether {f'the {name} of {where}' if where else name} stays constant")
     new = varied(best, suspect)
     if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
@@ -432,17 +435,12 @@ def change_of(
     if suspect.covariate is not None:
         every = np.concatenate([suspect.covariate.share(e) for e in experiments])
         begins, ends_at = float(every.min()), float(every.max())
-    last = np.zeros(x.size)
-    last[own.index] = 1.0
+    last = _way(own, x.size)
     first = last.copy()
     first[index], last[index] = begins, ends_at
 
     unit = _unit(model, own.index)
-
-    def value(own_x: float) -> float:
-        there = x.copy()
-        there[own.index] = own_x
-        return _value(model, model.within(there), own.index)
+    value = partial(_value, model, x, own)
 
     def estimate(way: Floats) -> Estimate:
         at, half = float(way @ x), half_width(way, spread)
@@ -460,8 +458,7 @@ def change_of(
 
     def one(name: str | None) -> Floats:
         """The parameter in the recording to which a change of that name belongs."""
-        there = np.zeros(x.size)
-        there[own.index] = 1.0
+        there = _way(own, x.size)
         if name is not None:
             there[[p.name for p in model.parameters].index(name)] = 1.0
         return there
@@ -485,7 +482,7 @@ def change_of(
         suspect.rate * period if settles else None,
         estimate(first), estimate(last), difference(), new.gained, free_run,
         model.nominal.chain.masses.size,
-        _windows(new, experiments, own.index, at is not None),
+        _windows(new, experiments, own, at is not None),
         (period * suspect.rates[0], period * suspect.rates[1]) if settles else None,
         None if followed is None else followed.name,
         "" if followed is None else followed.unit,
@@ -493,26 +490,25 @@ def change_of(
             followed.origin + begins * followed.span, followed.origin + ends_at * followed.span,
         ),
         each, suspect.as_well,
+        None if own.against is None else model.parameters[own.against].key,
     )  # fmt: skip
 
 
-def _windows(new: Varied, experiments: Sequence[Experiment], index: int, dated: bool) -> Windows:
-    told, (model, x) = course(new.without, index), (new.hypothesis.model, new.hypothesis.x)
-
-    def value(own: float) -> float:
-        there = x.copy()
-        there[index] = own
-        return _value(model, model.within(there), index)
-
+def _windows(
+    new: Varied, experiments: Sequence[Experiment], own: Parameter, dated: bool
+) -> Windows:
+    told = course(new.without, own.index, own.against)
+    model, x = new.hypothesis.model, new.hypothesis.x
+    value = partial(_value, model, x, own)
     half = Z95 * told.errors
-    each = [[value(own) for own in told.x + k * half] for k in (0.0, -1.0, 1.0)]
+    each = [[value(own_x) for own_x in told.x + k * half] for k in (0.0, -1.0, 1.0)]
     end = sum(e.ticks for e in experiments)
     ticks = np.linspace(0.0, end, FINE)
-    held = x[index] + _moved(new, experiments, ticks, end)
+    held = float(_way(own, x.size) @ x) + _moved(new, experiments, ticks, end)
     period, (low, high) = experiments[0].period, new.suspect.between
     return Windows(
         told.times, np.array(each[0]), np.minimum(each[1], each[2]), np.maximum(each[1], each[2]),
-        period * ticks, np.array([value(own) for own in held]),
+        period * ticks, np.array([value(own_x) for own_x in held]),
         (period * low, period * high) if dated else None,
     )  # fmt: skip
 
@@ -549,11 +545,30 @@ def _when(
     return e.name, at, (low, high)
 
 
-def _value(model: Model, x: Floats, index: int) -> float:
-    p = model.parameters[index]
-    if p.kind == "effect":
-        return model.effects_at(x)[p.index].values[p.key]
-    return values_of(model, x)[p.name]
+def _way(change: Parameter, size: int) -> Floats:
+    """What changes, in x (size,): a parameter, or half its difference from another."""
+    found = np.zeros(size)
+    found[change.index] = 1.0
+    if change.against is not None:
+        found[[change.index, change.against]] = 0.5, -0.5
+    return found
+
+
+def _value(model: Model, x: Floats, change: Parameter, own: float) -> float:
+    """The value of what changes, where its x is `own` (`_way`) and all else as at x."""
+    moved, target = x.copy(), model.parameters[change.index]
+    if change.against is None:
+        moved[change.index] = own
+    else:
+        both = [change.index, change.against]
+        moved[both] = moved[both].mean() + np.array([own, -own])
+    there = model.within(moved)
+    if target.kind != "effect":
+        return values_of(model, there)[target.name]
+    values = model.effects_at(there)[target.index].values
+    if change.against is None:
+        return values[target.key]
+    return 0.5 * (values[target.key] - values[model.parameters[change.against].key])
 
 
 def _unit(model: Model, index: int) -> str:

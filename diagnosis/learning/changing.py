@@ -22,10 +22,11 @@ at most 7.35 more than the best: for a step that is small against its noise, 2 l
 ratio is distributed as xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
 
 Limits: a slow change is fitted in `PIECES` parts of a recording, each at its mean, so a quantity
-that varies within a part is followed by its mean alone. One parameter changes at a time, and few
-times in all. A change within `NEAREST` ticks of either end is not seen, nor are two that cancel
-each other within as many. A law that lacks a state which differs between parts of a recording (its
-level, for example) looks like a change; held-out data decide (`answer.changes`).
+that varies within a part is followed by its mean alone. One parameter changes at a time (a constant
+force that two parameters hold between them is one: `Effect.holds_constant`), and few times in all.
+A change within `NEAREST` ticks of either end is not seen, nor are two that cancel each other within
+as many. A law that lacks a state which differs between parts of a recording (its level, for
+example) looks like a change; held-out data decide (`answer.changes`).
 """
 
 import itertools
@@ -50,6 +51,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, believed, compared
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, priced, settled
 from zwidth.diagnosis.settings import EVIDENCE
+from zwidth.sim.device import place_label
 from zwidth.sim.kernel import Memory
 from zwidth.sim.predict import alone
 
@@ -84,7 +86,8 @@ class Suspect:
     price: penalty for having tried so many. rates: of settling, the 95 % interval. covariate: the
     recorded quantity that it follows: its name, unit, value at the end and span. amounts: if every
     recording has its own, those of all but the last, for which the fit pays about `freedom`.
-    as_well: other courses of the same parameter that gain as much.
+    as_well: other courses of the same parameter that gain as much. against: the parameter that
+    changes by as much the other way, "" if `of` changes alone.
     """
 
     of: str
@@ -100,6 +103,7 @@ class Suspect:
     amounts: tuple[float, ...] = ()
     freedom: float = 0.0
     as_well: tuple[str, ...] = ()
+    against: str = ""
 
     @property
     def worth(self) -> float:
@@ -121,6 +125,28 @@ class Followed(NamedTuple):
         return (own.values - self.origin) / self.span
 
 
+class _Way(NamedTuple):
+    """What may change: a parameter alone, or against another; what that does to x (parameters,)."""
+
+    of: str
+    against: str
+    x: Floats
+
+
+def _ways(model: Model) -> list[_Way]:
+    parameters = model.parameters
+    places = {p.name: i for i, p in enumerate(parameters) if p.kind != "change"}
+    each = np.eye(len(parameters))
+    found = [_Way(name, "", each[i]) for name, i in places.items()]
+    for physics in model.effects:
+        if physics.effect.holds_constant is None:
+            continue
+        of, against = (f"{place_label(physics)}.{key}" for key in physics.effect.holds_constant)
+        if of in places and against in places:
+            found.append(_Way(of, against, each[places[of]] - each[places[against]]))
+    return found
+
+
 class _Sums(NamedTuple):
     """Of blocks of rows: J'J (blocks, p, p), J'r (blocks, p), where they begin, in ticks of all."""
 
@@ -132,17 +158,19 @@ class _Sums(NamedTuple):
 
 def suspected(h: Hypothesis) -> Suspect | None:
     """Return the change by which a fitted hypothesis would gain most, None if none would pay."""
-    smooth = {v.of for v in h.model.varying if v.smooth}  # what is left is that it is cut in parts
+    smooth = {(v.of, v.against) for v in h.model.varying if v.smooth}  # the rest: cut in parts
     sums = _sums(h)
     every = [s for shape in SHAPES for s in _best_of(h, sums, shape)]
-    found = [s for s in every if s.shape in CUT or s.of not in smooth]
+    found = [s for s in every if s.shape in CUT or (s.of, s.against) not in smooth]
     best = max(found, key=lambda s: s.worth, default=None)
     if best is None:
         return None
     alike = [
         s
         for s in found
-        if s.of == best.of and s is not best and s.worth > best.worth - EVIDENCE.as_well
+        if (s.of, s.against) == (best.of, best.against)
+        and s is not best
+        and s.worth > best.worth - EVIDENCE.as_well
     ]
     best = replace(best, as_well=tuple(dict.fromkeys(_course_in_words(s) for s in alike)))
     # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
@@ -211,35 +239,36 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
     whole = h.slopes.T @ h.slopes
     inverse = np.linalg.pinv(whole, hermitian=True)
     left = inverse @ (h.slopes.T @ h.residual)
-    mixed = np.einsum("sb,bij->sij", shares, sums.squares)  # row j: c_j' J
-    own = np.einsum("sb,bjj->sj", shares**2, sums.squares)
-    score = shares @ sums.scores - mixed @ left
+    ways = _ways(h.model)
+    turned = np.array([way.x for way in ways])
+    squares = turned @ sums.squares  # (blocks, ways, parameters)
+    mixed = np.einsum("sb,bwj->swj", shares, squares)  # row w: c_w' J
+    own = np.einsum("sb,bwj,wj->sw", shares**2, squares, turned)
+    score = shares @ sums.scores @ turned.T - mixed @ left
     spread = own - np.einsum("sjk,kl,sjl->sj", mixed, inverse, mixed)
     known = spread > 1e-6 * own  # else it is what the parameters themselves do
     spread = np.where(known, spread, np.inf)
     gained = score**2 / spread
     found: list[Suspect] = []
-    parameters = h.model.parameters
-    kinds = sum(p.kind != "change" for p in parameters)
-    for j, p in enumerate(parameters):
-        if p.kind == "change":
-            continue
+    for j, way in enumerate(ways):
         i = int(np.argmax(gained[:, j]))
         if gained[i, j] <= 0.0:
             continue
         amount = float(-score[i, j] / spread[i, j])
-        told = _told(h, sums, shares[i], j)
+        told = _told(h, sums, shares[i], way.x)
         within = EVIDENCE.dated if shape == STEP else EVIDENCE.told
         near = np.flatnonzero(gained[:, j] > gained[i, j] - within * told.phi)
         # Others between them may gain less: an interval holds them, too.
         between = (float(times[near[0]]), float(times[near[-1]])) if shape == STEP else (0.0, 0.0)
         alike = near[-1] - near[0] + 1.0 if shape in (STEP, SETTLES) else 1.0
         choices = times.size / alike
-        price = 2.0 * math.log(kinds * len(SHAPES) * max(1.0, choices)) + EVIDENCE.rarity_of_once
+        price = (
+            2.0 * math.log(len(ways) * len(SHAPES) * max(1.0, choices)) + EVIDENCE.rarity_of_once
+        )
         found.append(Suspect(
-            p.name, shape, float(times[i]), between, float(rates[i]), amount, told, price,
+            way.of, shape, float(times[i]), between, float(rates[i]), amount, told, price,
             (float(rates[near[0]]), float(rates[near[-1]])),
-            followed[i] if shape == FOLLOWS else None,
+            followed[i] if shape == FOLLOWS else None, against=way.against,
         ))  # fmt: skip
     return found
 
@@ -273,35 +302,34 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
     shares = np.array([np.isin(of, which) for which in own[:-1]], dtype=np.float64)
     inverse = np.linalg.pinv(h.slopes.T @ h.slopes, hermitian=True)
     left = inverse @ (h.slopes.T @ h.residual)
-    parameters, found = h.model.parameters, list[Suspect]()
-    kinds = sum(p.kind != "change" for p in parameters)
-    for j, p in enumerate(parameters):
-        if p.kind == "change":
-            continue
-        mixed = np.einsum("sb,bi->si", shares, sums.squares[:, j])
-        score = shares @ sums.scores[:, j] - mixed @ left
-        size = np.diag(shares**2 @ sums.squares[:, j, j])
+    ways, found = _ways(h.model), list[Suspect]()
+    for way in ways:
+        squares = sums.squares @ way.x
+        mixed = shares @ squares
+        score = shares @ (sums.scores @ way.x) - mixed @ left
+        size = np.diag(shares**2 @ (squares @ way.x))
         spread = size - mixed @ inverse @ mixed.T
         if np.linalg.eigvalsh(spread)[0] <= 1e-6 * size.max():
             continue
         amounts = -np.linalg.solve(spread, score)
-        told = _told(h, sums, amounts @ shares, j)
-        price = 2.0 * math.log(kinds * len(SHAPES)) + EVIDENCE.rarity_of_once
+        told = _told(h, sums, amounts @ shares, way.x)
+        price = 2.0 * math.log(len(ways) * len(SHAPES)) + EVIDENCE.rarity_of_once
         freedom = (len(own) - 2) * math.log(h.noise.observer.told * h.samples)
-        found.append(Suspect(p.name, EACH, 0.0, (0.0, 0.0), 0.0, 0.0, told, price,
-                             amounts=tuple(amounts.tolist()), freedom=freedom))  # fmt: skip
+        found.append(Suspect(way.of, EACH, 0.0, (0.0, 0.0), 0.0, 0.0, told, price,
+                             amounts=tuple(amounts.tolist()), freedom=freedom,
+                             against=way.against))  # fmt: skip
     return found
 
 
-def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
+def _told(h: Hypothesis, sums: _Sums, share: Floats, way: Floats) -> Compared:
     """Gain of a change by stretches of the recordings, as the slopes predict it."""
     assert h.slopes is not None
-    p = h.x.size
+    p, squares = h.x.size, sums.squares @ way
     blocks = np.zeros((share.size, p + 1, p + 1))
     blocks[:, :p, :p] = sums.squares
-    blocks[:, p, :p] = blocks[:, :p, p] = share[:, None] * sums.squares[:, j]
-    blocks[:, p, p] = share**2 * sums.squares[:, j, j]
-    scores = np.column_stack([sums.scores, share * sums.scores[:, j]])
+    blocks[:, p, :p] = blocks[:, :p, p] = share[:, None] * squares
+    blocks[:, p, p] = share**2 * (squares @ way)
+    scores = np.column_stack([sums.scores, share * (sums.scores @ way)])
     total, score = blocks.sum(axis=0), scores.sum(axis=0)
     total[:p, :p] = h.slopes.T @ h.slopes
     score[:p] = h.slopes.T @ h.residual
@@ -413,7 +441,13 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
         varying=(
             *h.model.varying,
             *(
-                Varying(name, suspect.of, suspect.shape not in CUT, 0.0 if i else suspect.price)
+                Varying(
+                    name,
+                    suspect.of,
+                    suspect.shape not in CUT,
+                    0.0 if i else suspect.price,
+                    against=suspect.against,
+                )
                 for i, name in enumerate(names)
             ),
         ),
@@ -513,12 +547,19 @@ class Course(NamedTuple):
     errors: Floats
 
 
-def course(h: Hypothesis, index: int) -> Course:
+def course(h: Hypothesis, index: int, against: int | None) -> Course:
     """Return a parameter in each window of the recordings by itself, to first order.
 
     All others are the same everywhere. h: fitted, with the parameter the same everywhere as well.
+    against: see `Parameter`; then it is half the difference of both, and half their sum stays.
     """
-    sums, p = _sums(h), h.x.size
+    p, assumed = h.x.size, h.x[index]
+    assert h.slopes is not None
+    if against is not None:
+        turned = np.eye(p)
+        turned[[against, index], [index, against]] = -1.0, 1.0
+        h, assumed = replace(h, slopes=h.slopes @ turned), 0.5 * (assumed - h.x[against])
+    sums = _sums(h)
     assert h.slopes is not None
     windows = np.array_split(np.arange(sums.begins.size), min(WINDOWS, sums.begins.size))
     others = [i for i in range(p) if i != index]
@@ -538,4 +579,4 @@ def course(h: Hypothesis, index: int) -> Course:
     inverse = np.linalg.pinv(total, hermitian=True)
     moved = -(inverse @ score)[len(others) :]
     errors = np.sqrt(np.maximum(np.diag(inverse)[len(others) :], 0.0))
-    return Course(h.experiments[0].period * np.array(times), h.x[index] + moved, errors)
+    return Course(h.experiments[0].period * np.array(times), assumed + moved, errors)

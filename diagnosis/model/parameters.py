@@ -58,7 +58,8 @@ class Parameter:
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
     effect's parameter, its name; ends: at which of its bounds a fit is not physical, "lower",
-    "upper". walks: which of them only limit how far a fit may go from its start.
+    "upper". walks: which of them only limit how far a fit may go from its start. against: of a
+    change, the parameter that falls by as much as the one at `index` rises.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Parameter:
     key: str = ""
     ends: tuple[str, ...] = ()
     walks: tuple[str, ...] = ()
+    against: int | None = None
 
     def at_end(self, x: float, which: Sequence[str], margin: float) -> bool:
         """Whether x is on one of some of its bounds, "lower" and "upper"."""
@@ -103,6 +105,7 @@ class Parameter:
 class Varying:
     """A change of one parameter (`Parameter.name`): a recording has its share of it.
 
+    against: another that falls by as much (`Effect.holds_constant`), "" where one changes alone.
     name: of the change, by which recordings state their share (`Experiment.shares`). smooth: over
     time, so that parts of a recording have all values in between. price: penalty for its rarity and
     for having tried so many, in -2 ln. declared: whether recordings state that it is their own
@@ -114,6 +117,7 @@ class Varying:
     smooth: bool = False
     price: float = 0.0
     declared: bool = False
+    against: str = ""
 
 
 class Reads(NamedTuple):
@@ -212,7 +216,9 @@ class Model:
             found += self._with_own(one, len(found))
         places = {p.name: i for i, p in enumerate(found)}
         return found + [
-            Parameter(v.name, "change", places[v.of], 1.0, prior=False)
+            Parameter(
+                v.name, "change", places[v.of], 1.0, prior=False, against=places.get(v.against)
+            )
             for v in self.varying
             if v.of in places and not v.declared
         ]
@@ -310,7 +316,10 @@ class Model:
         found = x.copy()
         for i, share in shares:
             own = self.parameters[i].index
-            found[..., own] = self._turned(own, found[..., own] + share * x[..., i])
+            by = share * x[..., i]
+            found[..., own] = self._turned(own, found[..., own] + by)
+            if (other := self.parameters[i].against) is not None:
+                found[..., other] -= by
         return self.within(found)
 
     def _turned(self, index: int, x: Floats) -> Floats:

@@ -119,6 +119,7 @@ directional_friction = Effect(
     contains=("coulomb_friction", "constant_force", "quadratic_drag"),
     parts_first=True,
     family="dry friction",
+    holds_constant=("level_minus", "level_plus"),
     creased=True,
     starts=_starts,
     sweep=_sweep,

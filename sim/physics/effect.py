@@ -155,7 +155,8 @@ class Effect:
     effects that it is a richer form of, where it acts (`Place.acts_on`): it never explains less,
     and at some values is the simpler one. parts_first: such an effect is named before it already
     where it explains most. family: effects of one family are laws of the same thing, of which a
-    place has one. creased: what it predicts is no smooth function of its parameters. sought: how.
+    place has one. holds_constant: two parameters of which the first less the second is twice a
+    constant force. creased: what it predicts is no smooth function of its parameters. sought: how.
     in_recording: taken off the recording and not simulated. absorbed: a refit of linear parameters
     takes a little of it up; known_if_sprung: it has it already at m1 of a device with a spring to
     ground (the spring, or the origin of the position; of a "straight" one alone). weakens: a device
@@ -201,6 +202,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     parts_first: bool = False
     family: str = ""
+    holds_constant: tuple[str, str] | None = None
     creased: bool = False
     sought: Sought = "fit"
     in_recording: bool = False
