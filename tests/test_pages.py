@@ -99,7 +99,8 @@ def test_commands_of_pages_are_understood(page: Path):
 CHEAP = ("devices", "effects", "convert", "export")
 # What a page leaves to its reader: a file of his, or an effect that he wrote.
 NOT_HERE = re.compile(
-    r"no device is given|does not exist|no (such )?file|neither a file nor|is not a file|there is no effect"
+    r"no device is given|does not exist|no (such )?file|neither a file nor|is not a file"
+    r"|there is no effect"
     r"|missing argument|requires an argument",
     re.IGNORECASE,
 )
