@@ -19,7 +19,9 @@ from zwidth.diagnosis.answer.changes import (
     changing,
     outlived,
 )
+from zwidth.diagnosis.answer.prediction import predicts
 from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.answer.whole_run import free_run
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
@@ -183,21 +185,30 @@ def test_what_moves_slowly_is_no_step(shape: str):
         assert suspect.rate == pytest.approx(300.0, rel=0.25)
 
 
+def pushed() -> Experiment:
+    """A recording in which an offset that nobody knows drifts from -1 to 1 mN m."""
+    e = recording(12.0, 8, {})
+    return replace(e, command=e.command - 1e-3 * np.linspace(-1.0, 1.0, e.ticks))
+
+
+def by_direction(e: Experiment) -> Hypothesis:
+    """Friction by direction, fitted as if nothing changed."""
+    levels = {"level_plus": 0.02, "level_minus": 0.02}
+    friction = make_physics(
+        "directional_friction", "m1", **levels, viscous_plus=0.0, viscous_minus=0.0
+    )
+    model = Model(DEVICE).with_effect(friction, levels)
+    return settled(judged([e], model, np.zeros(len(model.parameters))))
+
+
 def test_an_offset_drifts_that_two_levels_hold_between_them():
     """A constant force beside friction by direction is none of its own.
 
     Mutations that break it: ways of single parameters alone; the second level not moved; the sign
     of either; the course not turned.
     """
-    e = recording(12.0, 8, {})
-    drift = 1e-3 * np.linspace(-1.0, 1.0, e.ticks)[:, None]
-    e = replace(e, command=e.command - drift.reshape(e.command.shape))  # it acts, and nobody knows
-    levels = {"level_plus": 0.02, "level_minus": 0.02}
-    friction = make_physics(
-        "directional_friction", "m1", **levels, viscous_plus=0.0, viscous_minus=0.0
-    )
-    model = Model(DEVICE).with_effect(friction, levels)
-    h = settled(judged([e], model, np.zeros(len(model.parameters))))
+    e = pushed()
+    h = by_direction(e)
     suspect = suspected(h)
     assert suspect is not None
     assert (suspect.of, suspect.against, suspect.shape) == (
@@ -216,6 +227,23 @@ def test_an_offset_drifts_that_two_levels_hold_between_them():
     truth = np.interp(shown.times, (0.0, 12.0), (-1e-3, 1e-3))
     assert np.mean((shown.lower < truth) & (truth < shown.upper)) > 0.8
     assert np.abs(shown.values - truth).mean() < 4e-4
+
+
+def test_what_drifts_predicts_as_it_was_at_the_end():
+    """Long free runs tell what the next sample does not need.
+
+    Mutations that break it: no change asked for; what was fitted with it left as it was.
+    """
+    e = pushed()
+    first, rest = e.split()
+    h = by_direction(first)
+    found = as_found(DEVICE, Search(h, h, QUICK, silent))
+    better = predicts(found, None, [e])
+    assert len(better.final.model.varying) == 1
+    off, less = (
+        free_run(s.final.model, s.final.x, rest, s.judge) - rest.measured for s in (found, better)
+    )
+    assert np.square(less).mean() < 0.25 * np.square(off).mean()
 
 
 @pytest.mark.parametrize("seed", range(6))
