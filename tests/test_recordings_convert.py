@@ -162,6 +162,7 @@ def test_extremes_are_those_of_what_is_finite(
         ("run.mcap", "run.mcap", "is an input; give another file to write"),
         ("run.mcap", "run.toml", "needs no TOML"),
         ("empty.csv", None, "is empty"),
+        ("words.json", "out.toml", "words.json holds no array of numbers"),
     ],
 )
 def test_mistakes_are_one_sentence_and_exit_2(
@@ -176,6 +177,7 @@ def test_mistakes_are_one_sentence_and_exit_2(
     written(tmp_path, "a.csv")
     Path("here.toml").write_text("mine")
     Path("empty.csv").write_text("")
+    Path("words.json").write_text('{"a": "b"}')
     write_log("run.mcap", example(5), epoch_ns=0)
     assert run(["convert", source, *([target] if target else [])]) == 2
     error = capsys.readouterr().err

@@ -115,6 +115,11 @@ def _foreign(source: Path) -> Source | None:
     if source.suffix.lower() == ".toml":
         return None
     found = own_log(source)
+    if isinstance(found, Source) and not found.signals:
+        raise RecordingError(
+            f"{source} holds no array of numbers, so there is nothing to describe; give a file in"
+            " which a command and a reading are columns"
+        )
     return found if isinstance(found, Source) else None
 
 
