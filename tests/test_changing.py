@@ -43,6 +43,7 @@ from zwidth.diagnosis.noise.predictor import innovations
 from zwidth.diagnosis.recording.experiment import Covariate, Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.moves import shown
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.changes import changes_figure
@@ -128,6 +129,22 @@ def test_a_step_of_five_percent_is_found_dated_and_measured():
     assert own.name == "change 1"
     assert [e.shares for e in h.experiments] == [(("change 1", 1.0),), ()]
     assert suspected(h) is None  # nothing changes besides
+
+
+def test_effects_are_tried_beside_a_change():
+    """Their numbers come before the change, which is last.
+
+    Mutation that breaks it: `Model.beside` puts them at the end.
+    """
+    _, h = step()
+    change = h.x[[p.name for p in h.model.parameters].index("change 1")]
+    tried = list(shown(h, QUICK))
+    assert tried
+    for one in tried:
+        x = {p.name: value for p, value in zip(one.model.parameters, one.x, strict=True)}
+        own = [x[p.name] for p in one.model.parameters[h.model.lasting : one.model.lasting]]
+        assert own == [0.0] * len(own)  # as the start is
+        assert x["change 1"] == pytest.approx(change, abs=0.2 * abs(change))
 
 
 def test_the_course_shows_what_each_window_says():

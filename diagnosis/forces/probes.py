@@ -172,5 +172,5 @@ def _harmonics(final: Fitted, ripple: int, found: Physics) -> Iterator[Probe]:
 def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:
     """Model and start with the law in place of the effects."""
     model, x = final.model.less(final.x, *probe.gone)
-    model = model.with_effect(probe.physics, probe.scales)
-    return model, np.concatenate([x, np.zeros(len(probe.scales))])
+    x = model.beside(x, np.zeros(len(probe.scales)))
+    return model.with_effect(probe.physics, probe.scales), x

@@ -188,9 +188,7 @@ def with_law(
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Model, Floats]:
     """Return a model with a law of which some numbers are free, and x for the given values."""
-    lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
-    start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
-    return base.with_effect(law, scales, bounds or {}), start
+    return base.with_effect(law, scales, bounds or {}), base.beside(x, np.zeros(len(scales)))
 
 
 def _every(base: Hypothesis) -> list[Site]:

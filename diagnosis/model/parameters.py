@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import Chain, Chains
@@ -296,6 +296,18 @@ class Model:
     def _built(self) -> dict[tuple[bool, bytes], Device]:
         """The last few devices, by whether they are `acting` and by x."""
         return {}
+
+    @cached_property
+    def lasting(self) -> int:
+        """Number of parameters that are no found changes, which come last."""
+        return sum(not self.is_found(p) for p in self.parameters)
+
+    def beside(self, x: Floats, extra: ArrayLike) -> Floats:
+        """Return x (parameters,) of the model with more effects, whose free numbers are at extra.
+
+        These come before the changes.
+        """
+        return np.concatenate([x[: self.lasting], np.asarray(extra), x[self.lasting :]])
 
     @property
     def varies(self) -> tuple[str, ...]:

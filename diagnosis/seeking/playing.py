@@ -136,11 +136,10 @@ def _tried(
     ratio: float,
 ) -> _Tried:
     wide = model.with_effect(first.physics, first.scales, first.bounds)
-    (j,) = (i for i, p in enumerate(wide.parameters) if i >= x.size and p.key == key)
+    (j,) = (i for i, p in enumerate(wide.parameters) if i >= model.lasting and p.key == key)
     asked: list[Floats] = []
     for gap in (0.0, *gaps):
-        own = np.zeros(len(wide.parameters))
-        own[: x.size] = x
+        own = model.beside(x, np.zeros(wide.lasting - model.lasting))
         own[j] = (gap - first.physics.values[key]) / wide.parameters[j].scale
         asked.append(wide.within(own))
     there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
@@ -155,5 +154,5 @@ def _tried(
     # A fit moves by its scale: by that of the least gap it would not move at all.
     physics = replace(first.physics, values={key: gap})
     played = model.with_effect(physics, {key: gap}, first.bounds)
-    begin = played.within(np.append(x, 0.0))
+    begin = played.within(model.beside(x, [0.0]))
     return _Tried(played, begin, float(costs[best]), float(np.nan_to_num(without, nan=np.inf)))

@@ -99,13 +99,13 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
     first = starts[0].physics
     names = [p.name for p in first.effect.parameters]
     model = seen.model.with_effect(first, dict.fromkeys(names, 1.0))
-    own = [p.name for p in model.parameters[seen.x.size + len(names) :]]
+    own = [p.name for p in model.parameters[seen.model.lasting + len(names) : model.lasting]]
     beyond = [
         [*(s.physics.values[k] - first.values[k] for k in names),
          *s.beyond(own, dict.fromkeys(names, 1.0))]
         for s in starts
     ]  # fmt: skip
-    asked = [np.concatenate([seen.x, extra]) for extra in beyond]
+    asked = [seen.model.beside(seen.x, extra) for extra in beyond]
     ground = Problem(seen.problem.experiments, seen.problem.observer, SCREENING)
     energy, samples = float(base @ base), seen.samples
     none = np.zeros(seen.residual.size - samples)

@@ -469,11 +469,11 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     """The hypothesis with a start, its parameters adapted if that is the better start."""
     start = one.start
     model = seen.model.with_effect(start.physics, start.scales, start.bounds)
-    own = [p.name for p in model.parameters[seen.x.size :]]
-    extra = np.array(start.beyond(own, start.scales))
+    own = [p.name for p in model.parameters[seen.model.lasting : model.lasting]]
+    extra = start.beyond(own, start.scales)
     longest = float(np.abs(one.shift).max(initial=0.0))
     given = one.shift * min(1.0, GIVEN_WAY / max(longest, 1e-300))
-    xs = [model.within(np.concatenate([x, extra])) for x in (seen.x, seen.x + given)]
+    xs = [model.within(seen.model.beside(x, extra)) for x in (seen.x, seen.x + given)]
     costs = Landscape(seen.problem.experiments, seen.problem.observer, model, SCREENING).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
@@ -492,8 +492,7 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start,
         tried = tried.with_effect(first.physics, dict.fromkeys(names, 1.0))
     asked: list[Floats] = []
     for together in starts:
-        own = np.zeros(len(tried.parameters))
-        own[: x.size] = x
+        own = model.beside(x, np.zeros(tried.lasting - model.lasting))
         for k, (start, first) in enumerate(zip(together, starts[0], strict=True)):
             index = len(model.effects) + k
             for j, p in enumerate(tried.parameters):
@@ -505,8 +504,7 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start,
     other = model
     for start in best:
         other = other.with_effect(start.physics, start.scales, start.bounds)
-    extra = np.zeros(len(other.parameters) - x.size)
-    begin = other.within(np.concatenate([x, extra]))
+    begin = other.within(model.beside(x, np.zeros(other.lasting - model.lasting)))
     return Proposal(
         h.experiments, other, begin, h.family, problem, h.ratio, h.prices, begins=h.begun
     )
