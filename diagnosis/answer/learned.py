@@ -6,10 +6,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from zwidth.diagnosis.answer.adequacy import beyond_noise, oftener_freer
-from zwidth.diagnosis.answer.held_out import free_share, held_out
+from zwidth.diagnosis.answer.held_out import free_share, held_out, rms
 from zwidth.diagnosis.answer.laws import Law, LearnedLaw, LearnedSurface, factors, like_what
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.whole_run import finite_rms, free_run
 from zwidth.diagnosis.learning.curves import Learned, laws, promising, replacing
 from zwidth.diagnosis.learning.surfaces import surfaces
 from zwidth.diagnosis.mishaps import Say
@@ -48,13 +51,32 @@ class Asked:
         law, found = as_found(self.device, replace(search, best=h)), self.found
         free = held_out(self.device, law, self.judge_by)[1]
         ratio = free.after / names.after if names.after > 0.0 else 1.0
-        if ratio < VERDICT.worth_a_law and (
-            h.family.whitening
-            or oftener_freer((law.final, law.judge), (found.final, found.judge), self.judge_by)
+        if (
+            ratio < VERDICT.worth_a_law
+            and (
+                h.family.whitening
+                or oftener_freer((law.final, law.judge), (found.final, found.judge), self.judge_by)
+            )
+            and not self.runs_away(law)
         ):
             return free, law
         self.say("the learned law does not predict the held-out data: dropped")
         return None
+
+    def runs_away(self, law: Searched) -> bool:
+        """Whether one free run over all held-out data ends further off than the motion goes.
+
+        And than without the law: a table may hold over short runs and push beyond its last point.
+        """
+        read = [e.measured[e.known, 0] for e in self.judge_by]
+        motion = rms([y - y.mean() for y in read])
+        return self._off(law) > max(self._off(self.found), motion)
+
+    def _off(self, of: Searched) -> float:
+        """The error of the first output in a free run over all held-out data, infinite if it is."""
+        model, x = of.final.model, of.final.x
+        runs = [(free_run(model, x, e, of.judge) - e.measured)[e.known, 0] for e in self.judge_by]
+        return finite_rms(np.concatenate(runs))
 
     def judged(self, search: Search, curve: Learned, names: HeldOut) -> LearnedLaw | None:
         """A law as held-out data judge it; None if they reject it, or it is a line."""

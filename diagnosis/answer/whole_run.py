@@ -100,13 +100,13 @@ def whole_runs(
     Also of the rest of each recording, from where its first part ends. law: what was found with a
     learned law, None if none was learned.
     """
-    models = models_of(device, found)
-    if law is not None:
-        models["law"] = law.final.model, law.final.x
+    models = {name: (*own, found.judge) for name, own in models_of(device, found).items()}
+    if law is not None:  # under whose noise it was learned: that of the names may not follow it
+        models["law"] = law.final.model, law.final.x, law.judge
     length = "rad" if device.rotary else "m"
     runs: list[WholeRun] = []
     for e, held in told_of(fitted, judge_by):
-        each = {name: simulated(model, x, e, found.judge) for name, (model, x) in models.items()}
+        each = {name: simulated(model, x, e, judge) for name, (model, x, judge) in models.items()}
         measured = recorded(e, e.measured)
         for o, output in enumerate(e.outputs):
             quantity = "velocity" if output in e.differenced else output.quantity
