@@ -38,6 +38,7 @@ STEADY = 0.05  # the same of the command's means over blocks, which noise leaves
 LATE = 0.25  # of the period, that intervals of a late loop are longer by in the mean
 SAMPLED = ("command", "measured", "sensor_error", "dropped", "force", "base", "pushes",
            "strengths", "bridged", "uncounted")  # fmt: skip
+WAITS = 0.1  # of its swing, that a recording moves at least in what is looked at first
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
@@ -315,9 +316,22 @@ class Experiment:
 
 
 def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment]:
-    """Return the first samples of recordings, equally many of each, `ticks` in total at most."""
+    """Return the first samples of recordings, equally many of each, `ticks` in total at most.
+
+    Of one that stands still at first, those from a quarter of them before it moves: what sticks is
+    predicted by any friction, without an error to compare.
+    """
     share = max(1, ticks // len(experiments))
-    return [e.part(0, min(share, e.ticks)) for e in experiments]
+    return [_first_motion(e, min(share, e.ticks)) for e in experiments]
+
+
+def _first_motion(e: Experiment, ticks: int) -> Experiment:
+    y, least = e.measured[:, 0], WAITS * e.swing
+    first = 0
+    if np.std(y[:ticks]) < least:
+        moves = int(np.argmax(np.abs(y - y[0]) >= least))
+        first = min(max(0, moves - ticks // 4), e.ticks - ticks)
+    return e.part(first, first + ticks)
 
 
 def experiment(trace: Trace, device: Device, name: str = "recording") -> Experiment:

@@ -43,7 +43,6 @@ NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the populations from there
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
-WAITS = 0.1  # of the swing of a recording, that a device moves at least where it tells of play
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
 
@@ -197,8 +196,6 @@ def _played(
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
-    if all(np.std(e.measured[:, 0]) < WAITS * e.swing for e in seen):
-        seen = list(h.experiments)
     for group in play.values():
         shown = scanned(seen, model, x, group)
         begun = arrivals(seen, shown, effort.members, effort.generations)
