@@ -97,7 +97,7 @@ def test_what_a_reading_errs_by_is_learned() -> None:
     curve = learn(Search(plain, plain, QUICK, silent), silent)
     assert curve is not None
     assert (curve.physics.effect.name, curve.physics.at) == ("free_sensor", "sensor")
-    assert "by the drive" in makes_energy(curve, False)
+    assert "through the drive" in makes_energy(curve, False)
     low, high = np.quantile(e.measured, (0.02, 0.98)).tolist()
     q = np.linspace(low, high, 60)
     off = law_at(curve.physics, q) - errs(q)
