@@ -19,9 +19,7 @@ from zwidth.diagnosis.answer.changes import (
     changing,
     outlived,
 )
-from zwidth.diagnosis.answer.prediction import predicts
 from zwidth.diagnosis.answer.result import Verdict
-from zwidth.diagnosis.answer.whole_run import free_run
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
@@ -244,23 +242,6 @@ def test_an_offset_drifts_that_two_levels_hold_between_them():
     truth = np.interp(shown.times, (0.0, 12.0), (-1e-3, 1e-3))
     assert np.mean((shown.lower < truth) & (truth < shown.upper)) > 0.8
     assert np.abs(shown.values - truth).mean() < 4e-4
-
-
-def test_what_drifts_predicts_as_it_was_at_the_end():
-    """Long free runs tell what the next sample does not need.
-
-    Mutations that break it: no change asked for; what was fitted with it left as it was.
-    """
-    e = pushed()
-    first, rest = e.split()
-    h = by_direction(first)
-    found = as_found(DEVICE, Search(h, h, QUICK, silent))
-    better = predicts(found, None, [e])
-    assert len(better.final.model.varying) == 1
-    off, less = (
-        free_run(s.final.model, s.final.x, rest, s.judge) - rest.measured for s in (found, better)
-    )
-    assert np.square(less).mean() < 0.25 * np.square(off).mean()
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -10,10 +10,7 @@ recording dwells, a run along another path tells nothing. Without it, numbers th
 leave loose are fitted once more, by the error of free runs as long as the recordings, and to all
 that was recorded; where that errs less on the held-out rest, fitted to the first part alone, it is
 what predicts. (Of a device without a spring an offset that is wrong by 0.1 N is nothing in a sample
-and a centimetre in half a minute.) So is one change over the recordings, by which such runs would
-gain most (`learning.changing`): an offset that drifts by a percent of the friction is nothing in a
-sample, either. What predicts is then the device as it was at their end, and what was fitted to the
-first part, as it was at its end, is judged by the rest.
+and a centimetre in half a minute.)
 
 Limits: what was known of the recordings alone (forces from outside, a supply, a base that moves, a
 change at some time, a value that follows a temperature) does not act here. A sensor that folds says
@@ -35,14 +32,6 @@ from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.rectified import folded_out
 from zwidth.diagnosis.intake.swapped import EXCHANGED
-from zwidth.diagnosis.learning.changing import (
-    DRIFT,
-    SETTLES,
-    STEP,
-    cut,
-    suspected,
-    with_change,
-)
 from zwidth.diagnosis.learning.curves import Learned
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.model.parameters import Model
@@ -50,7 +39,7 @@ from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.drive_force import Pushed
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, priced, settled
+from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.smooth_command import held_for
@@ -112,36 +101,29 @@ def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | No
     """The same names as free runs as long as the recordings tell them; None where no better."""
     firsts, final = found.problem.experiments, found.final
     pairs = list(zip(firsts, whole, strict=False))
-    longer_than = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in pairs)
-    if not longer_than or not final.model.effects or final.model.varying:
+    cut = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in pairs)
+    if not cut or not final.model.effects or final.model.varying:
         return None
     rests = [
         replace(e.part(a.ticks, e.ticks), before=e.part(0, a.ticks))
         for a, e in zip(firsts, whole, strict=True)
     ]
 
-    def fitted(to: Sequence[Experiment], model: Model, x: Floats) -> Hypothesis:
+    def fitted(to: Sequence[Experiment], model: Model, x: Floats) -> Searched:
         family = as_far_as(max(e.ticks for e in whole) * whole[0].period, to)
-        return settled(judged(to, model, x, family))
+        h = settled(judged(to, model, x, family))
+        return replace(found, final=replace(final, model=h.model, x=h.x))
 
-    def error(model: Model, x: Floats) -> float:
-        runs = (free_run(model, x, e, found.judge) - e.measured for e in rests)
+    def error(of: Searched) -> float:
+        runs = (free_run(of.final.model, of.final.x, e, of.judge) - e.measured for e in rests)
         with np.errstate(all="ignore"):  # infinite after an overflow
             return float(np.sum([np.sum(off[:, 0] ** 2) for off in runs]))
 
     plain = [e.part(0, a.ticks) for a, e in zip(firsts, whole, strict=True)]
     with suppress(NoObserver):
         longer = fitted(plain, final.model, final.x)
-        to, least = list(whole), error(longer.model, longer.x)
-        suspect = suspected(priced(longer))
-        if suspect is not None and suspect.shape in (STEP, DRIFT, SETTLES):
-            model, x, names = with_change(longer, suspect)
-            h = fitted(cut(plain, suspect, names), model, x)
-            if (changed := error(h.model, h.x)) < least:
-                to, least, longer = cut(whole, suspect, names), changed, h
-        if least < error(final.model, final.x):
-            h = fitted(to, longer.model, longer.x)
-            return replace(found, final=replace(final, model=h.model, x=h.x))
+        if error(longer) < error(found):
+            return fitted(whole, longer.final.model, longer.final.x)
     return None
 
 

@@ -429,37 +429,30 @@ class Varied:
         return self.without.cost.total - self.hypothesis.cost.total
 
 
-class WithChange(NamedTuple):
-    """A model with a suspected change, from where a fit of it begins, and the names of the change.
-
-    Of several if every recording has its own.
-    """
-
-    model: Model
-    x: Floats
-    names: tuple[str, ...]
-
-
-def with_change(h: Hypothesis, suspect: Suspect) -> WithChange:
-    """Return the model of a fitted hypothesis with a suspected change, not fitted yet."""
-    first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
-    names = tuple(f"change {first + i}" for i in range(len(amounts)))
-    smooth = suspect.shape not in CUT
-    new = [
-        Varying(name, suspect.of, smooth, 0.0 if i else suspect.price, against=suspect.against)
-        for i, name in enumerate(names)
-    ]
-    model = replace(h.model, varying=(*h.model.varying, *new))
-    return WithChange(model, model.within(np.append(h.x, amounts)), names)
-
-
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
     """Fit a suspected change; None if it is not believed. Raises NoObserver."""
-    model, x, names = with_change(h, suspect)
+    first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
+    names = tuple(f"change {first + i}" for i in range(len(amounts)))
     parts = cut(h.experiments, suspect, names)
     if len({e.shares for e in parts}) < 2:
         return None
-    best = settled(judged(parts, model, x, h.family))
+    model = replace(
+        h.model,
+        varying=(
+            *h.model.varying,
+            *(
+                Varying(
+                    name,
+                    suspect.of,
+                    suspect.shape not in CUT,
+                    0.0 if i else suspect.price,
+                    against=suspect.against,
+                )
+                for i, name in enumerate(names)
+            ),
+        ),
+    )
+    best = settled(judged(parts, model, model.within(np.append(h.x, amounts)), h.family))
     # Held against what is not fitted to the parts first, which costs no less than its own fit.
     unfitted = judged(parts, h.model, h.x, h.family)
     if best.against_physics or not believed(best.cost, priced(unfitted).cost):
