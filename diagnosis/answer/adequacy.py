@@ -75,6 +75,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.predict import OVERFLOW
 
 Floats = NDArray[np.float64]
+RAN_AWAY = 1e100  # mean square error of a run that overflowed
 SHORTEST = 5  # ticks of a free run
 MOST_RUNS = 100  # free runs of a length in a recording
 FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
@@ -430,7 +431,7 @@ def each_length(
 
 def log_ratios(more: Floats, less: Floats) -> Floats:
     """Return log(more / less), elementwise, of two sets of errors (runs,)."""
-    return np.log(np.maximum(more, 1e-300) / np.maximum(less, 1e-300))
+    return np.log(np.maximum(more, 1e-300)) - np.log(np.maximum(less, 1e-300))
 
 
 def clearly(gains: Floats) -> float:
@@ -449,15 +450,22 @@ def _step(judge_by: Sequence[Experiment]) -> float:
 def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks: int) -> Floats:
     """Mean square error of each free run."""
     errors = [free_run_errors(device, e, observer.gain, ticks)[0][:, 0] for e in seen]
-    each = np.concatenate([(e**2).reshape(-1, ticks).mean(axis=1) for e in errors])
-    return np.nan_to_num(each, nan=1e300, posinf=1e300)
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        each = np.concatenate([(e**2).reshape(-1, ticks).mean(axis=1) for e in errors])
+    return _bounded(each)
 
 
 def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
     """-2 log likelihood by stretches, one step ahead, with the observer's noise."""
-    each = np.sum(_weighed(device, seen, observer) ** 2, axis=1)
-    parts = np.array_split(each, max(3, min(20, each.size // 50)))
-    return np.nan_to_num(np.array([p.sum() for p in parts]), nan=1e300, posinf=1e300)
+    with np.errstate(all="ignore"):
+        each = np.sum(_weighed(device, seen, observer) ** 2, axis=1)
+        parts = np.array_split(each, max(3, min(20, each.size // 50)))
+        return _bounded(np.array([p.sum() for p in parts]))
+
+
+def _bounded(squares: Floats) -> Floats:
+    """Return squares of which the squares, too, are numbers: of runs that overflowed, RAN_AWAY."""
+    return np.minimum(np.nan_to_num(squares, nan=RAN_AWAY, posinf=RAN_AWAY), RAN_AWAY)
 
 
 def _weighed(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:

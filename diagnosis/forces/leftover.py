@@ -227,10 +227,12 @@ def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
     """The fit with noise of the residual's own envelope and smoothed spectrum, random phases."""
-    envelope = np.sqrt(uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect"))
+    # A running mean of what stands still is zero, and by its rounding less.
+    size = uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect")
+    envelope = np.sqrt(np.maximum(size, 0.0))
     envelope[envelope == 0.0] = 1.0
     waves = np.fft.rfft(fitted.white / envelope)
-    size = np.sqrt(uniform_filter1d(np.abs(waves) ** 2, SMOOTH, mode="reflect"))
+    size = np.sqrt(np.maximum(uniform_filter1d(np.abs(waves) ** 2, SMOOTH, mode="reflect"), 0.0))
     turned = size * np.exp(2j * np.pi * random.random(size.size))
     residual = fitted.residual.copy()
     residual[: fitted.samples] = envelope * np.fft.irfft(turned, fitted.samples)
