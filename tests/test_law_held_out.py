@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 from learning_examples import DEVICE, recording, without_names
 
 from zwidth.diagnosis.answer.learned import Asked
@@ -32,7 +33,8 @@ def test_a_law_begins_by_its_own_noise() -> None:
     """
     found = as_found(DEVICE, without_names(cube))
     held = [recording(cube).split()[1]]
-    slow = replace(found.judge, gain=0.5 * found.judge.gain)
+    assert isinstance(gain := found.judge.gain, np.ndarray)
+    slow = replace(found.judge, gain=0.5 * gain)
     (run,) = whole_runs(DEVICE, replace(found, judge=slow), held, [], found)
     assert run.errors["law"] != run.errors["after"]
     (own,) = whole_runs(DEVICE, found, held, [], found)
