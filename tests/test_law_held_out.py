@@ -33,7 +33,8 @@ def test_a_law_begins_by_its_own_noise() -> None:
     """
     found = as_found(DEVICE, without_names(cube))
     held = [recording(cube).split()[1]]
-    assert isinstance(gain := found.judge.gain, np.ndarray)
+    gain = found.judge.gain
+    assert isinstance(gain, np.ndarray)
     slow = replace(found.judge, gain=0.5 * gain)
     (run,) = whole_runs(DEVICE, replace(found, judge=slow), held, [], found)
     assert run.errors["law"] != run.errors["after"]
