@@ -6,7 +6,7 @@ import numpy as np
 from learning_examples import DEVICE, recording, without_names
 
 from zwidth.diagnosis.answer.learned import Asked
-from zwidth.diagnosis.answer.whole_run import whole_runs
+from zwidth.diagnosis.answer.whole_run import free_run, whole_runs
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.searched import as_found
 
@@ -24,6 +24,17 @@ def test_a_law_that_runs_away_is_none() -> None:
         x = found.final.x.copy()
         x[[p.name for p in found.final.model.parameters].index("b1")] = damper
         assert asked.runs_away(replace(found, final=replace(found.final, x=x)))
+
+
+def test_a_run_begins_where_no_observer_follows() -> None:
+    """From its first samples. Mutation: the state that the observer left."""
+    found = as_found(DEVICE, without_names(cube))
+    held = recording(cube).split()[1]
+    gain = found.judge.gain
+    assert isinstance(gain, np.ndarray)
+    wild = replace(found.judge, gain=1e4 * gain)
+    off = free_run(found.final.model, found.final.x, held, wild) - held.measured
+    assert np.sqrt(np.mean(off**2)) < 0.3 * held.measured.std()
 
 
 def test_a_law_begins_by_its_own_noise() -> None:

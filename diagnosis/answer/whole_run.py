@@ -8,7 +8,7 @@ again.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -139,12 +139,16 @@ def free_run(
     seen = begun(device, seen, observer) if measured else seen
     eq, fine = ready = prepared(seen.on(device))
     with np.errstate(all="ignore"):  # infinite after an overflow
-        memory, _ = memory_at(ready, seen, device, observer.gain)
         blind = np.zeros((eq.states, seen.measured.shape[1]))
-        wrong = alone(
-            eq, fine, seen.places(eq), seen.command, seen.measured, blind,
-            seen.external(eq.dof), memory, seen.strengths,
-        )  # fmt: skip
+        wrong = np.zeros(0)
+        for own in (seen, replace(seen, before=None)):  # no observer may follow it: first samples
+            memory, _ = memory_at(ready, own, device, observer.gain)
+            wrong = alone(
+                eq, fine, own.places(eq), own.command, own.measured, blind,
+                own.external(eq.dof), memory, own.strengths,
+            )  # fmt: skip
+            if np.all(np.isfinite(wrong[0])):
+                break
         # What a model reads otherwise (an origin) is in both, and goes.
         return e.measured - wrong
 
