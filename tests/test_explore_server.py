@@ -314,7 +314,7 @@ def test_a_picture_that_comes_late_does_not_replace_a_newer_one():
     session.close()
 
 
-def test_a_slider_moved_and_back_is_computed_anew(monkeypatch: pytest.MonkeyPatch):
+def test_a_slider_moved_and_back_is_computed_anew():
     """However fast it is then. Mutation: `older_than` compares without the request."""
     document = Document()
     session = Session(document, BENCH, View(), [])

@@ -163,6 +163,7 @@ def test_extremes_are_those_of_what_is_finite(
         ("run.mcap", "run.toml", "needs no TOML"),
         ("empty.csv", None, "is empty"),
         ("words.json", "out.toml", "words.json holds no array of numbers"),
+        ("words.json", None, "words.json holds no array of numbers"),
     ],
 )
 def test_mistakes_are_one_sentence_and_exit_2(

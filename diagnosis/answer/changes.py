@@ -265,8 +265,10 @@ def _one_more(
     if suspect is None:
         return None
     where, _, name = suspect.of.replace("@", " at ").rpartition(".")
-    name = "constant force" if suspect.against else name.replace("_", " ")
-    say(f"checking whether {f'the {name} of {where}' if where else name} stays constant")
+    what = f"the {name.replace('_', ' ')} of {where}" if where else name
+    if suspect.against:
+        what = f"the constant force at {where.partition(' at ')[2]}"
+    say(f"checking whether {what} stays constant")
     new = varied(best, suspect)
     if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
         return None

@@ -114,13 +114,19 @@ def _foreign(source: Path) -> Source | None:
     """Return the signals of another tool's file, None for what zwidth can read as it is."""
     if source.suffix.lower() == ".toml":
         return None
+    found = _opened(source)
+    return found if isinstance(found, Source) else None
+
+
+def _opened(source: Path) -> Log | Source:
+    """Return a log or the signals of another tool's file; raises RecordingError for none."""
     found = own_log(source)
     if isinstance(found, Source) and not found.signals:
         raise RecordingError(
             f"{source} holds no array of numbers, so there is nothing to describe; give a file in"
             " which a command and a reading are columns"
         )
-    return found if isinstance(found, Source) else None
+    return found
 
 
 def _show(console: Console, source: Path) -> None:
@@ -129,7 +135,7 @@ def _show(console: Console, source: Path) -> None:
         console.will_write()
         _show_log(console, log)
         return
-    found = own_log(source)
+    found = _opened(source)
     console.will_write()
     if isinstance(found, Log):
         _show_log(console, found)
