@@ -34,7 +34,7 @@ CLOCK = "clock"  # the time is that of the messages or of each variable, and no 
 class Taken:
     """What a file is taken for: outputs are channel -> (signal, unit), rate [Hz].
 
-    time is None where samples are counted.
+    time is None if samples are counted.
     """
 
     time: str | None
@@ -137,7 +137,7 @@ EXPECTED: dict[str, Taken | Refused | Driven] = {
     "matlab_objects/iddata_full.mat": _moves(
         None, ("data.InputData", "N m"), position="data.OutputData|deg"
     ),
-    "matlab_objects/swt.mat": Refused(("does not say which", "values(:,1)", "values(:,2)")),
+    "matlab_objects/swt.mat": Refused(("shows which of", "values(:,1)", "values(:,2)")),
     "matlab_objects/timeseries73.mat": Refused(("timeseries", ".Time", ".Data", "save")),
     "mjcf_position_actuator/servo.xml": Driven(
         "elbow", {"stiffness": 998.0, "damping": 2.73, "limit": 2.9}

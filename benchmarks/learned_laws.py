@@ -87,7 +87,7 @@ class Drawn:
 def drawn(seed: int, index: int, two: bool = False) -> Drawn:
     """Draw a recording; two: whether its law follows two states.
 
-    Raises ValueError where no law that shows was found.
+    Raises ValueError if no law that shows was found.
     """
     random = np.random.default_rng([seed, index, 57])
     for _ in range(TRIES):

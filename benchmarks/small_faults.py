@@ -166,7 +166,7 @@ def cases(kind: str, found: Fleet, told: Mapping[str, tuple[float, list[str]]]) 
 
 
 def curve(sizes: np.ndarray, found: np.ndarray) -> tuple[float, float]:
-    """Return the sizes at which half and nine in ten are found; infinite where none ever is."""
+    """Return the sizes at which half and nine in ten are found; infinite if none ever is."""
     if not found.any():
         return math.inf, math.inf
     x = np.log(sizes)

@@ -93,7 +93,7 @@ FAULTS: dict[str, Callable[[Experiment], Experiment]] = {
 
 
 def others_exchanged(e: Experiment) -> Experiment | None:
-    """The first two outputs one in the place of the other, None where they are not of a kind."""
+    """The first two outputs one in the place of the other, None if they are not of a kind."""
     if len(e.outputs) < 2 or e.outputs[0].quantity != e.outputs[1].quantity:
         return None
     measured = e.measured.copy()

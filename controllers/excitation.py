@@ -54,7 +54,7 @@ def multisine(
     if repeats < 1:
         raise ValueError(f"repeats is {repeats}; a multisine is played at least once")
     if lines not in ("full", "odd"):
-        raise ValueError(f"lines is {lines!r}; allowed is 'full' or 'odd'")
+        raise ValueError(f"lines is {lines!r}; it must be 'full' or 'odd'")
     ticks = _ticks(rms, duration / repeats, period)
     chosen = _band(ticks, from_hz, to_hz, period)
     if lines == "odd":
@@ -130,8 +130,8 @@ def _band(ticks: int, from_hz: float, to_hz: float, period: float) -> NDArray[np
     nyquist = 0.5 / period
     if not 0.0 < from_hz < to_hz <= nyquist:
         raise ValueError(
-            f"excitation goes from {from_hz:g} to {to_hz:g} Hz; allowed is rising, above 0 and up"
-            f" to {nyquist:g} Hz, half the sampling rate"
+            f"excitation goes from {from_hz:g} to {to_hz:g} Hz; the band must begin above 0, rise,"
+            f" and end at most at {nyquist:g} Hz (half the sampling rate)"
         )
     frequencies = np.fft.rfftfreq(ticks, period)
     inside = (frequencies >= from_hz) & (frequencies <= to_hz) & (frequencies < nyquist)

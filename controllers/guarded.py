@@ -46,7 +46,7 @@ def guarded(
         if not np.isfinite(value):
             raise ValueError(f"controller.{name} is {value}; only finite numbers are allowed")
     if most_damping < 0.0:
-        raise ValueError(f"controller.most_damping is {most_damping}; allowed is 0 or more")
+        raise ValueError(f"controller.most_damping is {most_damping}; it must be 0 or more")
     facts = {n: float(v) for n, v in values.items()} | {"one_sided": bool(one_sided)}
     parameters = np.array([stiffness, damping, position, float(one_sided), most_damping, 0.0])
     return Controller("guarded", _compiled(), parameters, MEMORY, MappingProxyType(facts))

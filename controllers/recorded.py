@@ -27,6 +27,6 @@ def recorded(commands: NDArray[np.float64]) -> Controller:
     values = np.ascontiguousarray(commands, dtype=np.float64)
     if values.ndim != 1:
         raise ValueError(
-            f"recorded commands have shape {values.shape}; one value per tick is allowed"
+            f"recorded commands have shape {values.shape}; give one value for each tick"
         )
     return Controller("recorded", _compiled(), values)

@@ -37,7 +37,7 @@ def region(
             raise ValueError(f"controller.{name} is {value}; only finite numbers are allowed")
     if width < 0.0:
         raise ValueError(
-            f"controller.width is {width}; allowed is a positive width, or 0 for a wall everywhere"
+            f"controller.width is {width}; it must be positive, or 0 for a wall everywhere"
         )
     parameters = np.array([stiffness, damping, position, 0.0, width, 0.0])
     facts = {name: float(value) for name, value in values.items()}

@@ -42,7 +42,7 @@ def texture(
     if not 0.0 < wavelength < math.inf:
         raise ValueError(f"controller.wavelength is {wavelength}; it must be finite and > 0")
     if not 0.0 <= share <= 1.0:
-        raise ValueError(f"controller.share is {share}; allowed is 0 to 1")
+        raise ValueError(f"controller.share is {share}; it must be from 0 to 1")
     for name, value in (("stiffness", stiffness), ("damping", damping), ("position", position)):
         if not np.isfinite(value):
             raise ValueError(f"controller.{name} is {value}; only finite numbers are allowed")

@@ -1,13 +1,12 @@
 """Counts the simulations of a diagnosis by stage and reason.
 
-    with keeping(ticks) as account:
+    with keeping() as account:
         with stage("adding effects"):
             with reason("slopes"):
-                ...                 # each call of the kernel in here is booked on both
+                ...                 # each kernel call in here is booked on both
 
-A simulation counts as one device over all recordings of the fit: member-ticks divided by `ticks`.
-Counts are the same on every machine, so tests may assert them. CPU seconds are those of the kernel
-alone and depend on the machine.
+A simulation is one device over all recordings of the fit: member-ticks divided by `Account.ticks`.
+Counts are the same on every machine, so tests may assert them. CPU seconds of the kernel are not.
 """
 
 import threading
@@ -34,7 +33,7 @@ class Entry:
 
 @dataclass
 class Account:
-    """What was simulated, by (stage, reason). ticks: of the recordings that are fitted."""
+    """The simulations, by (stage, reason). ticks: of the fitted recordings."""
 
     ticks: int = 0
     entries: dict[Key, Entry] = field(default_factory=dict[Key, Entry])
@@ -120,7 +119,7 @@ def keeping() -> Generator[Account]:
 
 @contextmanager
 def stage(name: str) -> Generator[None]:
-    """Book what the block simulates on a stage, with its CPU seconds of all threads."""
+    """Book the simulations of the block on a stage, with its CPU seconds of all threads."""
     token, begun = _STAGE.set(name), time.process_time()
     try:
         yield
@@ -134,7 +133,7 @@ def stage(name: str) -> Generator[None]:
 
 @contextmanager
 def reason(name: str) -> Generator[None]:
-    """Book what the block simulates on a reason."""
+    """Book the simulations of the block on a reason."""
     token = _REASON.set(name)
     try:
         yield

@@ -25,14 +25,13 @@ def diagnose(
     say: Say = silent,
     effort: Effort = NORMAL,
 ) -> Diagnosis:
-    """Say why recordings differ from the simulation of a device.
+    """Return why recordings differ from the simulation of a device.
 
-    validate: recordings to judge by. Without them the last 30 % of each recording are kept for this
-    and opened once, at the end: to judge the answer, and, if a force without a name is left in
-    them, to name it, which a fault then says. An unexpected error loses only the part it occurs in
-    (`Diagnosis.errors`). effort: how much the search may try. Raises ExperimentError with one
-    sentence if the recordings cannot be used with this device, and NotDiagnosed if an error
-    prevents any answer.
+    validate: recordings to judge by. By default the last 30 % of each recording are held out for
+    this and opened once, at the end: to judge the answer, and to search for effects that only they
+    show, which a fault then states. An unexpected error loses only the part in which it occurs
+    (`Diagnosis.errors`). effort: how much the search may try. Raises ExperimentError if the
+    recordings cannot be used with this device, and NotDiagnosed if an error prevents any answer.
     """
     with collecting(say) as mishaps, keeping() as account:
         with stage("reading the recordings"):
@@ -45,7 +44,7 @@ def diagnose(
         moves = Moves(apart=set_apart)
         search = Searches(lambda those: searched(device, those, say, effort, moves))
         found = _sought(taken, search)
-        say("checking whether something happened only once")
+        say("looking for one-time events (a hit, a slip, a jam)")
         with stage("events"):
             taken, found, events = knowing_events(taken, found, say)
         with stage("answering"):

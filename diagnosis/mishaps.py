@@ -1,16 +1,15 @@
 """Limits an internal error to one candidate, recording or picture; the rest continues.
 
-A diagnosis takes minutes, and an error in a later step must not lose the earlier results. So
-everything that can be spared runs inside `isolated`, which names the stage and what is lost if it
-fails:
+A diagnosis takes minutes, and an error in a later step must not lose the earlier results. So every
+dispensable step runs inside `isolated`, with its stage and the part that an error would lose:
 
     with isolated("separation", "coulomb_friction at m1"):
         ...
 
-An error in there is reported in one line and kept for report and JSON by the nearest `collecting`,
-and the next step continues. Without `collecting`, or with ZWIDTH_DEBUG=1, errors propagate. An
-interruption (KeyboardInterrupt) always does. `NoObserver`, by which a model reports a state of
-affairs, is caught where it is expected and never comes this far.
+The outermost `collecting` reports an error in the block in one line and keeps it for report and
+JSON, and the next step continues. Without `collecting`, or with ZWIDTH_DEBUG=1, errors propagate.
+An interruption (KeyboardInterrupt) always does. `NoObserver`, which is a result and not an error,
+is caught where it is expected.
 """
 
 import os
@@ -19,6 +18,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import TypeVar
+
+from zwidth.shown import Valued
 
 Result = TypeVar("Result")
 Say = Callable[[str], None]
@@ -29,11 +30,8 @@ def silent(_: str) -> None:
 
 
 @dataclass(frozen=True)
-class Mishap:
-    """An error that lost `what`, a part of a stage ("" for all of it); error: its kind and text.
-
-    cause: the error itself.
-    """
+class Mishap(Valued):
+    """An error that lost `what`, a part of a stage ("" for all); error: text of `cause`."""
 
     stage: str
     what: str
@@ -42,7 +40,7 @@ class Mishap:
 
     @property
     def sentence(self) -> str:
-        """Say it in one line."""
+        """The error in one line."""
         return f"{self.stage}{f' ({self.what})' if self.what else ''} failed: {self.error}"
 
     def as_json(self) -> dict[str, str]:
@@ -58,7 +56,7 @@ class Mishaps:
         self.found: list[Mishap] = []
 
     def add(self, stage: str, what: str, error: BaseException) -> None:
-        """Keep an error and report it; a repetition, as of a second try, is not reported again."""
+        """Keep an error and report it; a repetition is not reported again."""
         known = len(self.found)
         mishap = self.keep(stage, what, error)
         if len(self.found) > known:
@@ -83,10 +81,7 @@ _COLLECTOR: ContextVar[Mishaps | None] = ContextVar("collector", default=None)
 
 @contextmanager
 def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
-    """Collect the errors of `isolated`; inside another `collecting`, the outer one continues.
-
-    say: receives one line per error.
-    """
+    """Collect the errors of `isolated` and `say` each; inside another, the outer one continues."""
     outer = _COLLECTOR.get()
     if outer is not None:
         yield outer
@@ -101,7 +96,7 @@ def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
 
 
 def debugging() -> bool:
-    """Whether errors propagate, so that their traceback shows."""
+    """Whether errors propagate, to show their traceback."""
     return os.environ.get("ZWIDTH_DEBUG") == "1"
 
 
@@ -114,7 +109,7 @@ def attempt(stage: str, what: str, task: Callable[[], Result]) -> Result | None:
 
 @contextmanager
 def isolated(stage: str, what: str = "") -> Generator[None]:
-    """Limit an error in the block to the block, if anybody collects errors."""
+    """Limit an error to the block, if errors are collected."""
     try:
         yield
     except Exception as error:

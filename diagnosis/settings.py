@@ -1,12 +1,11 @@
-"""The numbers that decide what a diagnosis says.
+"""The numbers that decide the result of a diagnosis.
 
 One frozen class for each part of the pipeline, one field for each number. Below each number are its
 unit, its origin (derived, by convention, elicited from engineers, or tuned) and the data behind it.
 Numbers that only control a method (rounds of a solver, a guard against rounding) are kept with the
 method.
 
-Here are those of the search, the intake, the answer, learned laws, changes and events. Those of
-other parts are at the top of their modules.
+The numbers of other parts are at the top of their modules.
 """
 
 import math
@@ -39,8 +38,13 @@ class Evidence:
     """Chi-square within which a number is in its 95 % interval. Derived."""
 
     dated: float = 7.352
-    """The same of the time of a step: -2 ln (1 - sqrt(0.95)) (Hansen, Econometrica 68, 2000).
+    """The same for the time of a step: -2 ln (1 - sqrt(0.95)) (Hansen, Econometrica 68, 2000).
     Derived."""
+
+    finest: float = 2e-5
+    """Share of a value that its standard error is at least: an observer is an approximation if
+    friction lets go between samples. Tuned: on the sample bench, with a standard error of 4e-6, the
+    level of gravity is 2e-5 off, whatever the substeps."""
 
     @property
     def rarity_of_once(self) -> float:
@@ -58,7 +62,7 @@ class Pursuit:
 
     hopeless: float = 200.0
     """In -2 ln: a hypothesis that costs this much more than the best of its view or round is not
-    fitted further. Tuned, with one check: five recordings of the paired set kept their names when
+    fitted further. Tuned, with one check: five recordings of the paired set kept their effects when
     it was applied to all candidates."""
 
     lagging: float = 0.2
@@ -82,7 +86,7 @@ class Pursuit:
     rival_share: float = 0.3
     """Share of what an effect explains that another must explain to first order to be fitted in its
     place, beyond `hopeless`; also the share of the first of a view that others must explain to be
-    fitted as well. Tuned, as `glance`: each effect that was accepted on four recordings of the
+    fitted too. Tuned, as `glance`: each effect that was accepted on four recordings of the
     paired set explained 0.9 of the most in at least one view."""
 
     clear_sign: float = 50.0
@@ -158,10 +162,10 @@ class Verdict:
     left 0.94 (`benchmarks.learned_laws`)."""
 
     known_law: float = 0.5
-    """Half of a learned curve's 95 % band over what bends in it, both rms, above which an answer
-    predicts a new command by its names alone. Tuned on two machines' training data: 0.04 for a
-    spring that moves over all of its range, 0.88 for friction of which a recording dwells at three
-    speeds (`python -m benchmarks.official`)."""
+    """Half of a learned curve's 95 % band over its part that is not straight, both rms, above which
+    an answer predicts a new command by its named effects alone. Tuned on two machines' training
+    data: 0.04 for a spring that moves over all of its range, 0.88 for friction of which a recording
+    dwells at three speeds (`python -m benchmarks.official`)."""
 
     worse_force: float = 1.05
     """Ratio to the refit's error, of the force that the recorded motion needs, above which an
@@ -181,10 +185,10 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Intake:
-    """When a recording itself is taken to be wrong (`intake`).
+    """When a recording itself counts as wrong (`intake`).
 
     Each was tuned on the recordings of machines and on faults put into them
-    (`benchmarks.sown_faults`), unless it says otherwise.
+    (`benchmarks.sown_faults`), unless stated otherwise.
     """
 
     better: float = 1.5
@@ -233,7 +237,7 @@ class Intake:
     Convention."""
 
     near_unit: float = 1.5
-    """Factor within which a scale from a rough device file is taken for a unit."""
+    """Factor within which a scale from a rough device file counts as a unit."""
 
     far_unit: float = 20.0
     """Factor that saturation, stiction or the masses of another machine do not cause, only a
@@ -254,7 +258,7 @@ class Intake:
     be seen."""
 
     half: float = 0.5
-    """Ratio of what a command leaves unexplained with exchanged columns and as described."""
+    """Ratio of the unexplained shares with exchanged columns and as described."""
 
     whole: float = 0.1
     """Share of a step by which values may differ from a lattice."""
@@ -297,16 +301,16 @@ class Laws:
     """Probability of a distance as large, above which a formula is within the band. Convention."""
 
     close: float = 6.0
-    """In -2 ln: formulas that cost at most this much more than the likeliest are named beside it.
+    """In -2 ln: formulas that cost at most this much more than the best are listed beside it.
     Convention: the 95 % of two numbers."""
 
     even: float = 2.0
-    """The same, within which the formula of fewer numbers is named first. Convention."""
+    """The same, within which the formula of fewer numbers comes first. Convention."""
 
 
 @dataclass(frozen=True)
 class Changes:
-    """What may change in a recording."""
+    """Limits of changes in a recording."""
 
     most: int = 3
     """Number of changes that are sought, one after the other. Convention."""
@@ -314,7 +318,7 @@ class Changes:
 
 @dataclass(frozen=True)
 class Events:
-    """What may happen once in a recording."""
+    """Limits of events in a recording."""
 
     most: int = 4
     """Largest number of events in all recordings: more are missing physics. Convention."""
@@ -345,7 +349,7 @@ class FreeForces:
     """The same, below which a slower observer must agree. Tuned, no data kept."""
 
     rather: float = 25.0
-    """The same, by which it must be likelier than a named effect. Derived: five sigma of one
+    """The same, by which it must be more likely than a named effect. Derived: five sigma of one
     number."""
 
     part: float = 0.5

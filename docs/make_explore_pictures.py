@@ -42,7 +42,7 @@ def served(*arguments: str) -> Generator[str]:
 
 
 def draw(page: Page, address: str, view: View, name: str) -> None:
-    """Open a view, wait until it is finished, save what one sees."""
+    """Open a view, wait until it is finished, and save a screenshot."""
     page.goto(f"{address}?{view.query()}")
     page.get_by_text("161 \u00d7 161").wait_for(timeout=120_000)
     page.wait_for_timeout(1000)

@@ -136,7 +136,7 @@ def servo(moves: Motion) -> Physics:
 
 
 def cell(device: Device, to: str) -> str:
-    """Return how much of the motion a format loses, and whether it says that it does."""
+    """Return the error of a format over the motion, and whether the format reports a loss."""
     made = MAKERS[to](device)
     share = cost_of(made, device, to, "dev", SECONDS).share
     if share is None:

@@ -1,4 +1,4 @@
-"""Draw the picture of docs/fleets.md, and say what is said of its recordings.
+"""Draw the picture of docs/fleets.md, and print the findings on its recordings.
 
     python docs/make_fleet_picture.py
 

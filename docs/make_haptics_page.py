@@ -66,12 +66,11 @@ SHARE = 0.1  # of the last stable damping, that a passivity controller may add
 
 TEXT = """# Haptics: everything between controller and hand
 
-How stiff a wall a device can render depends on more than the device: on the filter of its
-velocity, the rates of its loops, the law of the wall, a force sensor, and the hand. All of them
-are simulated here, in the device file or as a law of the walls, by `boundary`, `map`, `sweep` and
-`simulate`; the tests compare each with a closed form.
+How stiff a wall a device can render depends on the device, the filter of its velocity, the rates of
+its loops, the law of the wall, a force sensor, and the hand. `boundary`, `map`, `sweep` and
+`simulate` can simulate all of these.
 
-Every picture and number below is made by `python docs/make_haptics_page.py`. The device is the
+`python docs/make_haptics_page.py` computes every picture and number below. The device is the
 PHANToM of the paper, with 2 ms of delay unless another value is given. Lines are theory, dots are
 simulations.
 
@@ -82,18 +81,16 @@ simulations.
 ![Area of stable walls over the cut-off of the velocity filter, and boundaries](haptics/filter.png)
 
 A wall's damper needs a velocity. The difference of two readings is rough; a low-pass makes it
-smooth, but late. The Z-width, the area of stable walls in the plane of B and K, is largest in
-between, as Chawda, Celik and O'Malley found by simulation and confirmed on a device (J. Dynamic
-Systems, Measurement, and Control 137, 024503, 2015):
+smooth but late. The Z-width, the area of stable walls in the plane of B and K, is largest in
+between. Chawda, Celik and O'Malley found this by simulation and confirmed it on a device (J.
+Dynamic Systems, Measurement, and Control 137, 024503, 2015):
 
 [[filters]]
 
-The filter helps here because the delayed damper drives a mode at 170 Hz: the filter keeps the
-damper away from it. Steps of an encoder cost hardly any area (from a start of 200 steps). The
-command writes the device with the best filter as `best.toml`. `--over` takes period, delay,
-encoder step and the rates of the loops as well. In a device file the filter is
-`velocity_cutoff_hz` and `velocity_order`. The areas agree with those below the D-decomposition
-within 1 % (`tests/test_sweep.py`).
+The filter helps here because it weakens the delayed damper, which excites a mode at 170 Hz. Encoder
+steps cost hardly any area (from a start of 200 steps). The command writes the device with the best
+filter as `best.toml`. `--over` also accepts period, delay, encoder step and the rates of the loops.
+The keys of a device file are `velocity_cutoff_hz` and `velocity_order`.
 
 ## Velocity estimators
 
@@ -102,9 +99,9 @@ within 1 % (`tests/test_sweep.py`).
 `--estimator`, or `velocity_estimator` in a device file, replaces the difference: `foaw` or
 `foaw_end` (adaptive windows: Janabi-Sharifi, Hayward and Chen, IEEE T. Control Systems Technology
 8, 1003, 2000), `levant` (a sliding mode: Automatica 34, 379, 1998), `kalman` or
-`kalman_acceleration` (steady Kalman filters). Linear theory includes the Kalman filters; for the
-others there are only simulated walls. `velocity_step` is the resolution of a register that holds a
-velocity, as in `serial_bus_servo`.
+`kalman_acceleration` (steady Kalman filters). Linear theory includes the Kalman filters; walls with
+the others can only be simulated. `velocity_step` is the resolution of a register for the velocity,
+as in `serial_bus_servo`.
 
 ## Two loops, two rates
 
@@ -116,27 +113,26 @@ velocity, as in `serial_bus_servo`.
 ![Boundaries at one rate and at two, and stiffness over delay](haptics/rates.png)
 
 A simulated world is often slower than the loop on the device. The law gets a new position every
-`position_ticks` periods and a new velocity every `velocity_ticks` (the difference over as many).
-The exact theory of the whole cycle is `stability/periodic.py`. K_CR and K_max in N m/rad, B in N m
-s/rad:
+`position_ticks` periods and a new velocity every `velocity_ticks` (the difference over as many
+periods). K_CR and K_max are in N m/rad, B in N m s/rad:
 
 [[rates]]
 
-(No real amplifier can render some of these; they are limits of sampling alone.) Without delay a
-slow world with a fast damper still renders stiff walls; with a slow velocity it does not, however
-fast the spring is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d),
-and from t_d = 2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger,
-J. Computing and Information Science in Engineering 9, 011005, 2009).
+(No real amplifier can render some of these walls; they are limits of sampling alone.) Without
+delay, a slow position with a fast velocity still allows stiff walls; a slow velocity does not,
+however fast the position. With a delay the rate hardly matters: K_CR = b / (T/2 + t_d) for a rigid
+device, and from t_d = 2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G.
+Hirzinger, J. Computing and Information Science in Engineering 9, 011005, 2009).
 
-Why slow the velocity down? With an encoder step q the command of a damper chatters by B q / T_v,
-even in a smooth motion. With q = 1e-4 rad and B = 0.02 N m s/rad:
+Why a slower velocity? With an encoder step q and a velocity period T_v, the command of a damper
+chatters by B q / T_v, even in a smooth motion. With q = 1e-4 rad and B = 0.02 N m s/rad:
 
 [[chatter]]
 
 The largest B with the same chatter therefore grows with T_v: tenfold from 20 to 2 kHz. Koul,
 Manivannan and Saha measured this gain (J. Intelligent & Robotic Systems 91, 2018): with position
-and velocity at 20 kHz walls end at about 0.1 N m s/rad, with the velocity at 2 kHz at 1 N m s/rad.
-The device of Koul et al. is not simulated here.
+and velocity at 20 kHz, walls end at about 0.1 N m s/rad; with the velocity at 2 kHz, at 1 N m
+s/rad.
 
 ## A passivity observer and controller
 
@@ -146,19 +142,17 @@ The device of Koul et al. is not simulated here.
 ![A wall of three times the critical stiffness; the gain over the delay](haptics/guarded.png)
 
 An unstable wall returns more energy than it received. The observer of Hannaford and Ryu (IEEE T.
-Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the tick that
-would give too much. For a held command without delay the count is exact: it equals the entry
-`wall` of the energy balance up to rounding (`tests/test_wall_laws.py`). The gain is large without
-delay and falls with every millisecond of it, since the force that acts is not the one that was
-counted. K in N m/rad at B = 0, damping of the controller up to a tenth of what is stable by
-itself:
+Robotics and Automation 18, 1, 2002) counts this energy, and the controller adds damping at the tick
+that would return too much. Without delay the count is exact and the gain in stiffness large. The
+gain falls with every millisecond, since the force that acts is not the force that was counted. K is
+in N m/rad at B = 0; the controller may add a tenth of the damping that is stable by itself:
 
 [[guard]]
 
-Where that damping is not enough for a tick, the wall still gives a little energy (middle). More
-damping does not help: the damping that the controller adds counts towards the largest damping at
-which a sampled loop is stable, and the map at the end of this page shows walls lost at large B. A
-passive wall is not changed. In a scenario this controller is `kind = "guarded"`.
+If this damping is not enough for a tick, the wall still returns a little energy (middle). More
+damping does not help, because the added damping counts towards the largest stable damping of a
+sampled loop: the map at the end of this page shows walls lost at large B. A passive wall is not
+changed. In a scenario, use `kind = "guarded"`.
 
 ## Textures and regions of damping
 
@@ -166,15 +160,16 @@ passive wall is not changed. In a scenario this controller is `kind = "guarded"`
 
 ![Amplitudes in a grating; boundaries with the worst hands](haptics/textures.png)
 
-A texture is a sinusoidal grating of force, alone or on a spring; K is its steepest slope. A small
-motion in its trough is one on a spring K, stable up to the same K_CR (within 0.1 %). Above K_CR
-the oscillation grows until the mean slope over its swing is K_CR again; a describing function
-predicts its amplitude (left). Buzzing in a texture is such a cycle.
+A texture is a sinusoidal grating of force over position, alone or on a spring; K is its steepest
+slope. A small motion in a trough is like one on a spring K, and is stable up to the same K_CR
+(within 0.1 %). Above K_CR the oscillation grows until the mean slope over its swing equals K_CR
+again; a describing function predicts its amplitude (left). Buzzing in a texture is such an
+oscillation.
 
 A region of damping has K = 0; its largest B depends on the hand. A device of damping b is passive
-with a wall when b > K T/2 + B (J. E. Colgate, G. Schenkel, J. Robotic Systems 14, 37, 1997); no
-hand makes a wall below that line unstable, and the worst hand reaches it: a rod that a wave
-crosses in T/2, whose resonances all lie at half the rate once sampled (right).
+with a wall if b > K T/2 + B (J. E. Colgate, G. Schenkel, J. Robotic Systems 14, 37, 1997). No hand
+makes a wall below that line unstable. The worst hand reaches the line: a rod that a wave crosses in
+T/2, whose resonances all lie at half the sampling rate (right).
 
 [[textures]]
 
@@ -189,8 +184,7 @@ In Python: `zwidth.texture`, `zwidth.region`; in a scenario `kind = "texture"` a
 
 Fingers differ: mass, damping and stiffness are drawn independently, log-uniformly, from published
 ranges (A. Z. Hajian, R. D. Howe, J. Biomechanical Engineering 119, 109, 1997). A rigid device has
-K_CR = 2 (b + b_h)/T whatever the hand's mass and spring; the quantiles found are those of the
-damping within 5 % (`tests/test_hands.py`).
+K_CR = 2 (b + b_h)/T, whatever the hand's mass and spring; b_h is the hand's damping.
 
 [[hands]]
 
@@ -200,13 +194,12 @@ damping within 5 % (`tests/test_hands.py`).
     force_sensor = "link12"    # the force of this link is measured
     force_gain = 1.0           # u = w + G (w - F)
 
-![What the hand moves, and what stiffness is left, over the gain](haptics/force.png)
+![Mass that the hand moves, and remaining stiffness, over the gain](haptics/force.png)
 
 Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
-delay it costs stiffness. It ends at G = 1 + M/m_h, with the masses M before and m_h behind the
-sensor: beyond that, a command is amplified by the force that it causes (within 10 %,
-`tests/test_force_sensor.py`). With t = T/2 + t_d and t_F = T + t_d, since the force of a held
-command is that of the middle of its period,
+delay it reduces the stiffness. G must stay below 1 + M/m_h, with the masses M before and m_h behind
+the sensor: above this, the force that a command causes amplifies the command. With t = T/2 + t_d
+and t_F = T + t_d, since the force of a held command is the force in the middle of its period,
 
     b = (1 + G) K_CR (t - G m_h t_F / (M + (1 + G) m_h)).
 
@@ -216,20 +209,20 @@ command is that of the middle of its period,
 
 ![Maps of the laws](haptics/maps.png)
 
-Outcomes of runs, as in [what the linear boundary does not
-say](what_the_linear_boundary_does_not_say.md); black is linear theory, which includes the filter,
-the rates and the force sensor, but neither grating nor passivity controller.
+The colours are outcomes of runs, as in [what the linear boundary does not
+say](what_the_linear_boundary_does_not_say.md). The black line is linear theory, with filter, rates
+and force sensor, but without grating and passivity controller.
 
 [[maps]]
 
-## Beside a published measurement
+## Compared with a published measurement
 
 Gil, Puerto, Diaz and Sanchez measured the boundary of this PHANToM by the relay method, with 2, 4
-and 8 ms of delay (IROS 2010, Table II); their Table I is the device here, identified from another
-recording, and nothing of it is fitted to what follows. Rows with a damper, before the sudden rise
-of frequency; K in N m/rad, B in N m s/rad, as printed: two of them are misprints, and are read as
-the other rows imply ([the paper](paper.md), `fig_10`). "Refitted" has two numbers, inertia and
-damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
+and 8 ms of delay (IROS 2010, Table II). The device here is their Table I, identified from another
+recording; nothing in it is fitted to the walls below. The rows have a damper, and end before the
+sudden rise of frequency. K is in N m/rad and B in N m s/rad, as printed; two values are misprints,
+and are read as the other rows imply ([the paper](paper.md), `fig_10`). "Refitted" has two numbers,
+inertia and damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 [[measured]]
 
@@ -241,33 +234,34 @@ damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 ![Shapes of the boundaries, and ratios to the difference](haptics/paddle_shapes.png)
 
-Of another teaching paddle these are known: its firmware (350 us, 4096 counts per turn of the motor,
-ratio 15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN
-m), and two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at
-45 ms on a Hall sensor. Its measured walls were not known when this was computed.
+We know this about another teaching paddle: its firmware (350 us, 4096 counts per turn of the motor,
+ratio 15, four estimators with a low-pass of 50 Hz behind each), motor, friction (1.2 to 1.7 mN m),
+and two gains at which its position loop oscillates: 60 N m/rad with a period of 23 ms on the
+encoder, 12 with 45 ms on a Hall sensor. We did not know its measured walls when this was computed.
 
 The rest is drawn at random. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4).
 Delay: 0.3 to 2 periods. Damper: the value that the first gain (known to 20 %) requires in addition
 to friction. Tap: 2 to 30 mrad. Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings,
 a band of 1 or 2 counts. Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration.
-Kalman: constant velocity or acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are
-left out. Intervals hold 90 % of the draws:
+Kalman: constant velocity or acceleration, 1/30 to 1 of the motor's largest acceleration as one
+sigma. Hand and elasticity are left out. Intervals contain 90 % of the draws:
 
 [[paddle]]
 
-Difference and Kalman filter cannot be told apart; FOAW is the softest. Every wall, also in N/mm,
-and every rig: [paddle_prediction.json](haptics/paddle_prediction.json).
+Difference and Kalman filter cannot be distinguished; FOAW gives the softest walls.
+[paddle_prediction.json](haptics/paddle_prediction.json) has every wall, also in N/mm, and every
+rig.
 
 ## Limits
 
-- The linear theory of several rates scans K in steps of 5 %; a narrower band of instability is
-  stepped over. The closed form (`decomposition`), the passive walls and the names of branches take
-  one rate and no force feedback, and say so.
-- The passivity observer counts what the law commands: a delay, an amplifier's limit or a slower
-  position stand between that and what acts.
+- The linear theory of several rates scans K in steps of 5 %, and misses narrower bands of
+  instability. The closed form (`decomposition`), the passive walls and the names of branches accept
+  only one rate and no force feedback, and a message reports this.
+- The passivity observer counts the energy of the commanded force. A delay, an amplifier's limit or
+  a slower position make the acting force differ from it.
 - The force sensor has no noise and measures the link's own spring and damper.
-- Only delay and damper are compared with a published measurement; filters, two rates, passivity
-  controller, texture and hands with closed forms alone, since no published numbers were found.
+- Only delay and damper are compared with a published measurement. The tests compare filters, two
+  rates, passivity controller, texture and hands with closed forms.
 """
 
 
@@ -319,7 +313,7 @@ def filters() -> dict[str, Sweep]:
 
 
 def said_of_filters(found: dict[str, Sweep]) -> str:
-    """Return what the page says of them."""
+    """Return the page's text on velocity filters."""
     rows: list[str] = []
     for name, result in found.items():
         own = result.without
@@ -336,8 +330,11 @@ def said_of_filters(found: dict[str, Sweep]) -> str:
     head += " Z-width relative to no filter | K_max |\n"
     return (
         head + "|---|---|---|---|---|\n" + "\n".join(rows)
-        + f"\n\nK_max in N m/rad at the dampings tried; without a filter {bare.stiffest:.1f} ({top}"
-        " at the very top)."
+        + "\n\n"
+        + _said(
+            "K_max is in N m/rad, at the dampings that were tried. Without a filter it is"
+            f" {bare.stiffest:.1f} ({top} at the exact maximum)."
+        )
     )  # fmt: skip
 
 
@@ -352,7 +349,7 @@ class Rates(NamedTuple):
 
 
 def rates() -> list[Rates]:
-    """Return what is compared: without delay, one rate and two."""
+    """Return the interfaces to compare: without delay, with one rate and with two."""
     fast = {"delay": 0.0, "period": 1e-4}
     return [
         Rates("1 kHz", phantom(delay=0.0)),
@@ -387,8 +384,8 @@ def draw_rates() -> str:
         left.set_yscale("log")
         left.set_xlabel("virtual damping $B$ [N m s/rad]")
         left.set_ylabel("critical stiffness [N m/rad]")
-        left.set_title("two loops of a PHANToM without delay", loc="left", fontsize=10)
-        left.legend(frameon=False, fontsize=8, loc="lower right")
+        left.set_title("two loops of a PHANToM without delay")
+        left.legend(loc="lower right")
         delays = np.array([0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0]) * 1e-3
         rigid = Device("rigid", "-", True, make_chain([1e-2], [5e-3], 0.0), Interface())
         for i, period in enumerate((1e-3, 2e-4, 1e-4)):
@@ -404,8 +401,8 @@ def draw_rates() -> str:
         right.set_yscale("log")
         right.set_xlabel("delay $t_d$ [ms]")
         right.set_ylabel("critical stiffness [N m/rad]")
-        right.set_title("a rigid device, $B$ = 0: $b / (T/2 + t_d)$", loc="left", fontsize=10)
-        right.legend(frameon=False, fontsize=8)
+        right.set_title("a rigid device, $B$ = 0: $b / (T/2 + t_d)$")
+        right.legend()
     save(figure, "rates")
     head = "| rates | K_CR at B = 0 | K_max | last B | K_max with 2 ms of delay |\n"
     return head + "|---|---|---|---|---|\n" + "\n".join(rows)
@@ -452,14 +449,13 @@ def draw_guard() -> str:
         left.set_ylim(-2.0, 2.0)
         left.set_xlabel("time [s]")
         left.set_ylabel("position [mrad]")
-        left.set_title(f"three times $K_\\mathrm{{CR}}$ ({point.stiffness:.3g} N m/rad)",
-                       loc="left", fontsize=10)  # fmt: skip
+        left.set_title(f"three times $K_\\mathrm{{CR}}$ ({point.stiffness:.3g} N m/rad)")
         middle.set_ylim(-60.0, 40.0)
         middle.axhline(0.0, color="0.5", linewidth=0.8)
         middle.set_xlabel("time [s]")
         middle.set_ylabel("energy that the wall holds [µJ]")
-        middle.set_title("energy balance of the wall", loc="left", fontsize=10)
-        left.legend(frameon=False, fontsize=9)
+        middle.set_title("energy balance of the wall")
+        left.legend()
         delays = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0]) * 1e-3
         gains: list[tuple[float, float]] = []
         for delay in delays.tolist():
@@ -475,8 +471,8 @@ def draw_guard() -> str:
         right.set_yscale("log")
         right.set_xlabel("delay [ms]")
         right.set_ylabel("stiffest stable wall, $B$ = 0 [N m/rad]")
-        right.set_title("stiffest wall over the delay", loc="left", fontsize=10)
-        right.legend(frameon=False, fontsize=9)
+        right.set_title("stiffest wall over the delay")
+        right.legend()
     save(figure, "guarded")
     head = "| delay | K, plain | K, guarded | gain |\n|---|---|---|---|\n"
     return head + "\n".join(rows)
@@ -535,8 +531,8 @@ def draw_textures() -> str:
                   label="simulated")  # fmt: skip
         left.set_xlabel("steepest slope of the grating over $K_\\mathrm{CR}$")
         left.set_ylabel("amplitude of the oscillation [mrad]")
-        left.set_title("a grating of 10 mrad holds its own growth", loc="left", fontsize=10)
-        left.legend(frameon=False, fontsize=9)
+        left.set_title("a grating of 10 mrad holds its own growth")
+        left.legend()
         grid = np.linspace(0.0, b, 40)
         right.fill_between(grid, 2.0 * (b - grid) / T, color="0.9", label="passive, $b > KT/2 + B$")
         for i, modes in enumerate((1, 2, 4)):
@@ -550,9 +546,9 @@ def draw_textures() -> str:
                        linestyle="none", label=name)  # fmt: skip
         right.set_xlabel("virtual damping $B$ [N m s/rad]")
         right.set_ylabel("critical stiffness [N m/rad]")
-        right.set_title(f"a device of b = {b:g} N m s/rad, T = 1 ms", loc="left", fontsize=10)
+        right.set_title(f"a device of b = {b:g} N m s/rad, T = 1 ms")
         right.set_ylim(bottom=0.0)
-        right.legend(frameon=False, fontsize=8)
+        right.legend()
     save(figure, "textures")
     worst = float(np.abs(growth.amplitude / truth - 1.0).max())
     last = last_stable_damping(ladder(4, b)) or 0.0
@@ -560,10 +556,10 @@ def draw_textures() -> str:
         Device("alone", "-", True, make_chain([1e-3], [b], 0.0), Interface(delay=0.0))
     )
     return _said(
-        f"The amplitudes are within {100.0 * worst:.1f} % of the describing function's. With the"
-        f" hand of four modes the largest damping that is stable at K = 0 is {last / b:.3f} b;"
-        f" without a hand, a device of 1e-3 kg m2 is stable up to {alone or 0.0:.2f} N m s/rad,"
-        f" {(alone or 0.0) / b:.0f} b."
+        f"The simulated amplitudes differ from the describing function by at most"
+        f" {100.0 * worst:.1f} %. With the hand of four modes, the largest damping that is stable"
+        f" at K = 0 is {last / b:.3f} b. Without a hand, a device of 1e-3 kg m2 is stable up to"
+        f" {alone or 0.0:.2f} N m s/rad, which is {(alone or 0.0) / b:.0f} b."
     )
 
 
@@ -596,13 +592,14 @@ def draw_hands_of() -> str:
         axes.set_xlabel("virtual damping $B$ [N m s/rad]")
         axes.set_ylabel("critical stiffness [N m/rad]")
         axes.set_ylim(bottom=0.0)
-        axes.set_title("a PHANToM with 2 ms of delay, held by a finger", loc="left", fontsize=10)
-        axes.legend(frameon=False, fontsize=8)
+        axes.set_title("a PHANToM with 2 ms of delay, held by a finger")
+        axes.legend()
     save(figure, "hands")
     return _said(
-        f"At B = 0 a free device is stable up to {theory(device, np.zeros(1))[0]:.3g} N m/rad,"
-        f" 95 % of {HANDS} fingers at a lever of {1e3 * LEVER:g} mm {low[0]:.3g}, half of them"
-        f" {median[0]:.3g}, 5 % {high[0]:.3g}."
+        f"At B = 0 a free device is stable up to {theory(device, np.zeros(1))[0]:.3g} N m/rad."
+        f" With {HANDS} fingers at a lever of {1e3 * LEVER:g} mm, 95 % of the devices are stable up"
+        f" to {low[0]:.3g} N m/rad, half of them up to {median[0]:.3g}, and 5 % up to"
+        f" {high[0]:.3g}."
     )
 
 
@@ -643,8 +640,8 @@ def draw_force() -> str:
         left.set_xlabel("gain G of the force feedback")
         left.set_ylabel("mass that the hand moves [g]")
         left.set_ylim(bottom=0.0)
-        left.legend(frameon=False, fontsize=9)
-        left.set_title("0.2 kg device, 50 g hand", loc="left", fontsize=10)
+        left.legend()
+        left.set_title("0.2 kg device, 50 g hand")
         worst = 0.0
         for i, delay in enumerate((0.0, 2e-3)):
             t, late = 0.5 * T + delay, T + delay
@@ -662,8 +659,8 @@ def draw_force() -> str:
         right.yaxis.set_minor_locator(NullLocator())
         right.set_xlabel("gain G of the force feedback")
         right.set_ylabel("critical stiffness, $B$ = 0 [N/m]")
-        right.set_title("lines: the closed form", loc="left", fontsize=10)
-        right.legend(frameon=False, fontsize=9)
+        right.set_title("lines: the closed form")
+        right.legend()
     save(figure, "force")
     return _said(f"The simulated boundary is within {100.0 * worst:.1f} % of the closed form.")
 
@@ -683,11 +680,11 @@ def maps() -> list[tuple[str, FateMap]]:
         "velocity filter of 89 Hz, second order": Plane(
             phantom(velocity_order=2, velocity_cutoff_hz=89.0), Axis("B", 0.0, 0.8), k, trial=trial
         ),
-        "over the filter's cut-off, B = 0.06": Plane(
+        "over the cut-off, B = 0.06 N m s/rad": Plane(
             phantom(velocity_order=2), Axis("cutoff", 10.0, 400.0, "log"), k, damping=0.06,
             trial=trial,
         ),
-        "grating of 10 mrad, K its steepest": Plane(
+        "grating of 10 mrad (K: steepest slope)": Plane(
             phantom(), b, k, trial=replace(trial, law=Law("texture", 1e-2))
         ),
         "no delay": Plane(quick, *wide, trial=trial),
@@ -704,21 +701,22 @@ def maps() -> list[tuple[str, FateMap]]:
 
 def draw_maps(found: Sequence[tuple[str, FateMap]]) -> str:
     """Draw them and say how much of each rests."""
-    figure = Figure(figsize=(12.0, 7.2), layout="constrained")
-    for axes, (name, result) in zip(figure.subplots(2, 3).ravel(), found, strict=True):
-        draw_fates(axes, result)
-        axes.set_title(name, fontsize=10)
-    handles = legend([result for _, result in found])
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(12.0, 7.2), layout="constrained")
+        for axes, (name, result) in zip(figure.subplots(2, 3).ravel(), found, strict=True):
+            draw_fates(axes, result)
+            axes.set_title(name)
+        handles = legend([result for _, result in found])
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
     save(figure, "maps")
     share = {name: float(np.mean(m.fates.fate == Fate.RESTS)) for name, m in found}
     before, after = share["no delay"], share["no delay, passivity controller"]
     return _said(
         f"With the passivity controller {100.0 * after:.0f} % of the plane comes to rest, without"
-        f" it {100.0 * before:.0f} %: it adds walls at small B, where the plain wall has no"
-        " damping to spare, and loses a few at large B. In a grating, a wall whose K is too large"
-        " oscillates in the trough; a wall whose B is too large grows without bound, as without a"
-        " grating."
+        f" it {100.0 * before:.0f} %. The controller stabilises walls at small B, where the plain"
+        " wall has no damping to spare, but destabilises walls at large B. In a grating, a wall"
+        " whose K is too large oscillates in the trough; a wall whose B is too large grows without"
+        " bound, as without a grating."
     )
 
 
@@ -741,12 +739,13 @@ def measured() -> str:
         lines.append("| " + " | ".join(cells) + " |")
     said = [_within(errors) for errors in off.values()]
     text = (
-        f"Of {len(rows)} rows Table I simulated is within 10 % of what was measured in {said[0]};"
-        f" refitted in {said[1]}. Where it has no stable wall, or a much lower one, the late damper"
-        " drives the second mode already, as it did on the device from one to three rows on: a"
-        " boundary is steepest at its corner. Without a damper (B = 0) Table I bears 2.50, 1.35 and"
-        " 0.70 at 2, 4 and 8 ms where 7.21, 1.97 and 1.01 were measured: the device's own friction"
-        " decides there, which Table I has as a damper alone."
+        f"Of {len(rows)} rows, the simulation of Table I is within 10 % of the measurement in"
+        f" {said[0]}, the refitted model in {said[1]}. If Table I has no stable wall, or a much"
+        " lower one, the delayed damper already excites the second mode. On the device this began"
+        " one to three rows later: a boundary is steepest at its corner. Without a damper (B = 0)"
+        " Table I gives 2.50, 1.35 and 0.70 at 2, 4 and 8 ms, but 7.21, 1.97 and 1.01 were"
+        " measured: there the device's own friction decides, which Table I describes only as a"
+        " damper."
     )
     return "\n".join(lines) + "\n\n" + _said(text)
 

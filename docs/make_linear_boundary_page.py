@@ -66,7 +66,7 @@ def maps() -> dict[Key, FateMap]:
 
 
 def named(key: Key) -> str:
-    """Return what is special about a panel."""
+    """Return the title of a panel: its own settings."""
     step, limit, level = key
     words = [
         f"step {plain(step)} rad" if step else "",
@@ -209,101 +209,103 @@ def text(found: dict[Key, FateMap]) -> str:
     return f"""# What the linear boundary does not say
 
 In linear theory a wall is stable or unstable. With an encoder, an amplifier and bearings, a run
-comes to rest, or dithers (keeps oscillating by a few encoder steps, felt or not), or grows until
-the amplifier's limit, or nothing, stops it. The maps below show which, for the PHANToM of the paper
+comes to rest, dithers (keeps oscillating by a few encoder steps, felt or not), or grows, up to the
+amplifier's limit or without bound. The maps below show the outcome for the PHANToM of the paper
 with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. The black line is the linear
 boundary.
 
-Dither counts as felt from a command of 0.01 N m. That is an assumption, which `--felt-force`
-changes: at 0.1 m from the axis it is 0.1 N, and fingertips notice forces from 0.03 N on (King,
-Donlin and Hannaford, Haptics Symposium 2010). Vibration of the skin is left out here, as the radius
-of the handle is not known.
+Dither counts as felt from a command of 0.01 N m on. `--felt-force` changes this assumption. At 0.1
+m from the axis it is 0.1 N, and fingertips notice forces from 0.03 N on (King, Donlin and
+Hannaford, Haptics Symposium 2010). Vibration of the skin is left out, because the radius of the
+handle is not known.
 
-`python docs/make_linear_boundary_page.py` makes all pictures and numbers of this page: {runs}
-runs of 4 to 16 s for lattices of {lattice} points. `zwidth map` draws such a map of any device.
+`python docs/make_linear_boundary_page.py` computes all pictures and numbers of this page, with
+{runs} runs of 4 to 16 s for lattices of {lattice} points. `zwidth map` draws such a map of any
+device.
 
 ## One thing at a time
 
 ![Maps for four encoder steps]({single[0]})
 
-**Encoder steps.** With encoder steps few stable walls come to rest:
-{percent(fine["stable_but_not_resting"])} of the linearly stable part dithers at a step of 1e-5 rad,
+**Encoder steps.** With encoder steps, few stable walls come to rest. Of the linearly stable part,
+{percent(fine["stable_but_not_resting"])} dithers at a step of 1e-5 rad,
 {percent(middle["stable_but_not_resting"])} at 1e-4 and {percent(rough["stable_but_not_resting"])}
-at 1e-3, with a median amplitude of {fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at
-1e-5. The size of the step decides how much of this is felt:
+at 1e-3; the median amplitude is {fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at 1e-5.
+The size of the step decides how much of the stable part is felt:
 {percent(fine["stable_but_perceptible"])}, {percent(middle["stable_but_perceptible"])} and
-{percent(rough["stable_but_perceptible"])}. Coarse steps also hold some walls beyond the line:
-{percent(1.0 - rough["unstable_and_growing"])} of the unstable part does not grow at 1e-3.
+{percent(rough["stable_but_perceptible"])}. Coarse steps also keep some walls beyond the line from
+growing: at 1e-3, {percent(1.0 - rough["unstable_and_growing"])} of the unstable part does not grow.
 
-**Limits.** Where the encoder is fine, the limit of the amplifier does not move the boundary. Beyond
-it, growth ends in a steady oscillation. A describing function predicts its frequency within
-{percent(held["frequency_error"])} and its amplitude within {percent(held["amplitude_error"])}
-(median of {held["points"]} points at 0.1 N m).
+**Limits.** If the encoder is fine, the limit of the amplifier does not move the boundary. Beyond
+the boundary, growth ends in a steady oscillation. A describing function predicts its frequency
+within {percent(held["frequency_error"])} and its amplitude within
+{percent(held["amplitude_error"])} (median of {held["points"]} points at 0.1 N m).
 
 ![Maps for three levels of friction]({single[1]})
 
 **Friction.** With dry friction, {percent(slight["unstable_but_resting"])} (2 mN m) and
-{percent(firm["unstable_but_resting"])} (10 mN m) of the unstable part come to rest from 1 mrad. A
-wall that was stable in a gentle test may therefore be far beyond the linear boundary.
+{percent(firm["unstable_but_resting"])} (10 mN m) of the unstable part come to rest from a start of
+1 mrad. A wall that was stable in a gentle test may therefore be far beyond the linear boundary.
 
 ![K over start amplitude with friction]({single[2]})
 
-**It depends on the start.** Friction stops only small motions: the larger the oscillation, the
-less a constant force damps it. From a large start the boundary is the linear one again. The
-describing function (dashed) predicts this, and is slightly too low near the top.
+**The outcome depends on the start.** Friction stops only small motions: the larger the oscillation,
+the less a constant force damps it. From a large start the boundary is again the linear one. The
+describing function (dashed) predicts this; near the top it is slightly too low.
 
 **One-sided walls.** Friction stops a mass that hits a wall from outside if its speed is below a
-limit, which depends on when it hits between two samples. The describing function of a two-sided
-wall predicts 4 f_c / (pi (K tau - b)). With b = K tau / 2 the true limit is 0 to 1 % higher at
-omega tau = 0.01, 2 to 4 % at 0.03 and 6 to 12 % at 0.08; without b half of that. The two-sided
-value is thus a lower bound, and a measurement of a real wall scatters by this much
+limit, which depends on the time of the impact between two samples. The describing function of a
+two-sided wall predicts a limit of 4 f_c / (pi (K tau - b)). With b = K tau / 2 the true limit is 0
+to 1 % higher at omega tau = 0.01, 2 to 4 % at 0.03 and 6 to 12 % at 0.08; without b half of that.
+The two-sided value is thus a lower bound, and a measurement of a real wall scatters by this much
 (`tests/test_physics_wall_energy.py`).
 
 ## All together
 
-Each row has one limit, each column one friction (0, 2 and 10 mN m). Limits of none, 0.5 and 0.1 N m
-were mapped; a row is not drawn where at most {100 * ALIKE:g}\u00a0% of the points differ from the
-row above it.
+Each row has one limit, each column one friction (0, 2 and 10 mN m). Maps were computed without a
+limit and with limits of 0.5 and 0.1 N m. A row is left out if at most {100 * ALIKE:g}\u00a0% of its
+points differ from the row above it.
 
-**No steps.** The maps are those of friction above, whatever the limit: from a start of 1 mrad a
-run that friction stops never reaches it.
+**No steps.** The maps are those of friction above, for every limit: from a start of 1 mrad, a run
+that friction stops never reaches the limit.
 
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
-**Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
-changes the command by K times 1e-5 rad, at most 0.5 mN m here, and
-friction of more than half of that is enough.
+**Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes. One step
+changes the command by K times 1e-5 rad, at most 0.5 mN m here, and friction of more than half of
+that is enough.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 
 **Steps of 1e-4 rad.** One step now changes the command by up to 5 mN m. In the stable part 2 mN m
-of friction are still enough. On the right, where B times a step per sample dominates the command,
-the edge becomes ragged.
+of friction are still enough. On the right of the maps, where B times a step per sample dominates
+the command, the edge becomes ragged.
 
 ![Maps with steps of 1e-3 rad]({pictures[1e-3]})
 
 **Steps of 1e-3 rad.** With 2 mN m of friction, {percent(both["stable_but_perceptible"])} of the
-stable part is felt instead of {percent(loose["stable_but_perceptible"])}. With a limit of 0.1 N m,
-one step within a sample commands the whole limit from B = 0.1 N m s/rad on, so the picture does not
-depend on B there; near the top and right of it {percent(tight["stable_but_growing"])} of the stable
-part swings from limit to limit.
+stable part is felt instead of {percent(loose["stable_but_perceptible"])}. With a limit of 0.1 N m
+and B of at least 0.1 N m s/rad, one step within a sample already commands the whole limit, so the
+picture does not depend on B there. Near the top and the right of the picture,
+{percent(tight["stable_but_growing"])} of the stable part swings from limit to limit.
 
 ## Numbers
 
-Shares of the linearly stable part that do not come to rest, and that are felt or grow; shares of
-the linearly unstable part that rest, and that grow. The rest of the unstable part dithers.
+The table has the shares of the linearly stable part that do not come to rest, and that are felt or
+grow, and the shares of the linearly unstable part that rest, and that grow. The rest of the
+unstable part dithers.
 
 {table(facts)}
 
 ## How the answers are found
 
 A run is judged after 4 s and, if that is not enough, after up to 16 s. A run rests if its amplitude
-stays below 1e-3 of the start and 0.02 of a step. It dithers if it neither falls nor rises, and is
-no larger than what steps alone can keep up: 32 steps, or more where a describing function allows it
-(`sim/fate.py` has the derivation). It grows if its energy does, if its command swings from limit to
-limit, or if it settles on a larger oscillation. For encoder steps of 1e-5, 1e-4 and 1e-3 rad,
-{AGAIN} points each were judged again over {LONG_S:g}\u00a0s: {judged_again(found)} keep their
-outcome. Cells whose corners agree are filled in; at a step of 1e-4 rad
+stays below 1e-3 of the start and 0.02 of a step. It dithers if its amplitude neither falls nor
+rises, and is no larger than steps alone can maintain: 32 steps, or more if a describing function
+allows it (`sim/fate.py` has the derivation). It grows if its energy does, if its command swings
+from limit to limit, or if it settles on a larger oscillation. For encoder steps of 1e-5, 1e-4 and
+1e-3 rad, {AGAIN} points each were judged again over {LONG_S:g}\u00a0s: {judged_again(found)} keep
+their outcome. Cells whose corners agree are filled in; at a step of 1e-4 rad
 {percent(unlike_in_full(found))} of the points differ from a full lattice, near ragged edges.
 """
 

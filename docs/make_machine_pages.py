@@ -1,4 +1,4 @@
-"""Diagnose the recordings of `docs/machines` and write what was found into their pages.
+"""Diagnose the recordings of `docs/machines` and write the results into their pages.
 
     python docs/make_machine_pages.py RECORDINGS [NAME...]
 
@@ -16,6 +16,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: sums round the same way
 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
+from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -26,10 +27,10 @@ from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned_surface import law_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
-from zwidth.logs.recording import read_recording
+from zwidth.logs.recording import read_recording, unscaled
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
-from zwidth.sim.readable import number
+from zwidth.sim.readable import counted_in, number
 
 PAGES = Path(__file__).parent / "machines"
 BEGIN, END = "<!-- made by docs/make_machine_pages.py -->\n", "<!-- until here -->\n"
@@ -93,28 +94,36 @@ def experiments(name: str, stems: tuple[str, ...], device: Device, data: Path) -
     return found
 
 
+def own_units(name: str, data: Path) -> tuple[str, str]:
+    """Return the units of forces and lengths of a machine whose recordings have no scale."""
+    folder = data / (MACHINES[name].data or name)
+    return unscaled(
+        [read_recording(PAGES / name / f"{s}.toml", folder) for s in MACHINES[name].fit]
+    )
+
+
 def diagnosed(name: str, data: Path) -> Diagnosis:
     """Return the diagnosis of a machine by its two kinds of files, in `docs/machines/NAME`."""
     machine = MACHINES[name]
     device = load_device(PAGES / name / "device.toml")
     fit = experiments(name, machine.fit, device, data)
     judge = experiments(name, machine.judge, device, data) or None
-    return diagnose(device, fit, judge, progress, EFFORTS[machine.effort])
+    return in_own_units(diagnose(device, fit, judge, progress, EFFORTS[machine.effort]))
 
 
 def progress(text: str) -> None:
-    """Say what is being done."""
+    """Print the current step."""
     print(f"{time.process_time():6.0f} s  {text}", file=sys.stderr, flush=True)
 
 
 def by_itself(name: str, data: Path) -> str:
-    """Return what one recording of a machine tells, as a part of the page."""
+    """Return the diagnosis of one recording of a machine, as a part of the page."""
     machine = MACHINES[name]
     device = load_device(PAGES / name / "device.toml")
     fit = experiments(name, (machine.alone,), device, data)
-    found = diagnose(device, fit, None, progress, EFFORTS[machine.effort])
+    found = in_own_units(diagnose(device, fit, None, progress, EFFORTS[machine.effort]))
     one = Machine((machine.alone,), effort=machine.effort)
-    lines = ["", f"From `{machine.alone}` by itself:", "", "```sh", command(one), "```", ""]
+    lines = ["", f"The answer from `{machine.alone}` alone:", "", "```sh", command(one), "```", ""]
     lines += [f"**{found.headline}.**", "", f"Verdict: `{found.verdict.value}`.", ""]
     if found.next_level is not None:
         lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
@@ -130,7 +139,7 @@ def command(machine: Machine) -> str:
 
 
 def answer(name: str, found: Diagnosis, seconds: float) -> str:
-    """Return what was found, as a section of the page."""
+    """Return the results, as a section of the page."""
     lines = ["```sh", command(MACHINES[name]), "```", "", f"**{found.headline}.**", ""]
     lines += [f"Verdict: `{found.verdict.value}`.", ""]
     lines += ["| effect | values (95 % interval) | sigma |", "|---|---|---|"]
@@ -144,9 +153,9 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
     more = " with the law |" * (len(when) - len(WHEN))
     lines += [
-        "", "Free runs over a whole recording, or over the last 30 % of a fitted one: rms error"
-        " over the rms of the motion.", "",
-        f"| output | device file | refitted | with what was found |{more} |",
+        "", "Errors of free runs over a whole recording, or over the last 30 % of a fitted one: rms"
+        " error in percent of the rms of the motion.", "",
+        f"| output | device file | refitted | with the found effects |{more} |",
         "|---|---|---|---|---|" + "---|" * (len(when) - len(WHEN)),
     ]  # fmt: skip
     for run in runs:
@@ -160,11 +169,11 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines += [f"![The friction that was found, over velocity]({name}_friction.png)", ""]
     if (law := found.learned) is not None:
         also = [s for s in (law.absorbed, law.energy) if s]
-        lines += [f"**What was learned**: {'; '.join([law.sentence, *also])}.", ""]
-        lines += [f"![The law that was learned]({name}_law.png)", ""]
+        lines += [f"**The learned law**: {'; '.join([law.sentence, *also])}.", ""]
+        lines += [f"![The learned law]({name}_law.png)", ""]
     if found.next_level is not None:
         lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
-    lines += [f"Took {seconds:.0f} s of processor time."]
+    lines += [f"This took {seconds:.0f} s of processor time."]
     return "\n".join(lines) + "\n"
 
 
@@ -172,32 +181,38 @@ def main() -> None:
     """Make the pages asked for, or all."""
     data, names = Path(sys.argv[1]), sys.argv[2:] or list(MACHINES)
     for name in names:
-        begun = time.process_time()  # of all threads; what else the machine does is not in it
-        found = diagnosed(name, data)
-        seconds = time.process_time() - begun
-        alone = by_itself(name, data) if MACHINES[name].alone else ""
-        print(name, f"{seconds:.0f} s", found.verdict.value, file=sys.stderr)
-        page = PAGES / f"{name}.md"
-        before, _, rest = page.read_text().partition(BEGIN)
-        after = rest.partition(END)[2]
-        figure = whole_run_figure(found.whole_runs[MACHINES[name].shown], bool(found.findings))
-        with writing_as("machine pages", True):
-            write_text(page, before + BEGIN + answer(name, found, seconds) + alone + END + after)
+        with counted_in(*own_units(name, data)):
+            make(name, data)
+
+
+def make(name: str, data: Path) -> None:
+    """Make the page of a machine, and its pictures."""
+    begun = time.process_time()  # of all threads; what else the machine does is not in it
+    found = diagnosed(name, data)
+    seconds = time.process_time() - begun
+    alone = by_itself(name, data) if MACHINES[name].alone else ""
+    print(name, f"{seconds:.0f} s", found.verdict.value, file=sys.stderr)
+    page = PAGES / f"{name}.md"
+    before, _, rest = page.read_text().partition(BEGIN)
+    after = rest.partition(END)[2]
+    figure = whole_run_figure(found.whole_runs[MACHINES[name].shown], bool(found.findings))
+    with writing_as("machine pages", True):
+        write_text(page, before + BEGIN + answer(name, found, seconds) + alone + END + after)
+        write_with(
+            PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
+        )
+        if (rubs := friction_curve(found.searched)) is not None:
+            drawn = friction_curve_figure(rubs, found.device.rotary)
             write_with(
-                PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
+                PAGES / f"{name}_friction.png",
+                lambda file, f=drawn: f.savefig(file, format="png", dpi=120),
             )
-            if (rubs := friction_curve(found.searched)) is not None:
-                drawn = friction_curve_figure(rubs, found.device.rotary)
-                write_with(
-                    PAGES / f"{name}_friction.png",
-                    lambda file, f=drawn: f.savefig(file, format="png", dpi=120),
-                )
-            if found.learned is not None:
-                law = law_figure(found.learned, found.device.rotary)
-                write_with(
-                    PAGES / f"{name}_law.png",
-                    lambda file, f=law: f.savefig(file, format="png", dpi=120),
-                )
+        if found.learned is not None:
+            law = law_figure(found.learned, found.device.rotary)
+            write_with(
+                PAGES / f"{name}_law.png",
+                lambda file, f=law: f.savefig(file, format="png", dpi=120),
+            )
 
 
 if __name__ == "__main__":

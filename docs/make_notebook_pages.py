@@ -28,7 +28,7 @@ def names() -> list[str]:
 
 
 def run(name: str) -> Any:
-    """Return a notebook with what its cells showed; raises where one of them fails."""
+    """Return a notebook with the output of its cells; raises if one of them fails."""
     notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
     with TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}

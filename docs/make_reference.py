@@ -221,7 +221,7 @@ def _effect_page(effect: Effect) -> str:
 
 
 def _states() -> str:
-    """The states of a force of no formula with their units."""
+    """The states of a force without a formula, with their units."""
     both = ((state, *(state_unit(state, turns) for turns in (True, False))) for state in STATES)
     return ", ".join(f'"{s}" [{_cell(" or ".join(dict.fromkeys((a, b))))}]' for s, a, b in both)
 

@@ -57,7 +57,7 @@ LOW, HIGH = 5.0, 95.0  # percentiles of an interval
 
 @dataclass(frozen=True)
 class Rig:
-    """What is not known of the paddle, as it was drawn once; units of the paddle.
+    """One draw of the paddle's unknown properties, in units of the paddle.
 
     inertia [kg m2]; delay [s]; friction minus, plus [N m]; start: how far a tap moves it [rad];
     ultimate: K at which the position loop oscillates, on the encoder and on the Hall sensor
@@ -149,7 +149,7 @@ class Rig:
 
 
 class Settled(NamedTuple):
-    """A rig with the start and the damper that its ultimate K asks for, and its periods [s]."""
+    """A rig with the start and the damper that its ultimate K requires, and its periods [s]."""
 
     rig: Rig
     damping: float
@@ -158,7 +158,7 @@ class Settled(NamedTuple):
 
 
 def drawn(rng: np.random.Generator) -> Rig:
-    """Draw what is not known; each line is what is taken for it, and why."""
+    """Draw the unknown properties; each line is an assumption with its reason."""
     # The two ultimate points give 8.1e-4 and 5.9e-4, the builders of another paddle say 7.0e-4.
     inertia = 7.0e-4 * math.exp(0.1 * rng.normal())
     # From the reading to the current: at once, or with the next interrupt and an amplifier as late.
@@ -245,7 +245,7 @@ def spread(values: Floats) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What is said of the paddle: arrays over draws.
+    """The prediction for the paddle: arrays over draws.
 
     walls (draws, estimators, 13) [N m/rad]; at_the_end the same in N/mm; periods (draws,) [s], of
     those that fit and of all that were tried; damping (draws,) [N m s/rad].
@@ -259,7 +259,7 @@ class Prediction:
 
     @staticmethod
     def of(found: Draws) -> "Prediction":
-        """Put the draws together."""
+        """Collect the draws into arrays."""
         radii = np.array([one.rig.radius for one in found.kept])
 
         def periods(rigs: list[Settled]) -> tuple[Floats, Floats]:
@@ -291,7 +291,7 @@ class Prediction:
 
 
 def as_json(p: Prediction) -> dict[str, Any]:
-    """Return the prediction as it is kept: median and interval of every wall."""
+    """Return the prediction for its JSON file: median and interval of every wall."""
 
     def rows(values: Floats) -> list[dict[str, float]]:
         said = (spread(values[:, i]) for i in range(DAMPINGS.size))
@@ -324,7 +324,7 @@ def draw_walls(p: Prediction) -> Figure:
             axes.plot(DAMPINGS, median, color=COLOURS[i], linewidth=1.8)
             if i > 0:
                 axes.plot(DAMPINGS, plain, color="0.3", linestyle=DASHES[1], linewidth=1.0)
-            axes.set_title(NAMES[name], loc="left", fontsize=10)
+            axes.set_title(NAMES[name])
             axes.set_xlabel("$B$ at the end of the paddle [N s/mm]")
             axes.set_xticks(DAMPINGS[::4])
         panels[0].set_ylabel("stiffest wall [N m/rad]")
@@ -354,10 +354,9 @@ def draw_shapes(p: Prediction) -> Figure:
         for axes in (left, right):
             axes.set_xlabel("$B$ at the end of the paddle [N s/mm]")
             axes.set_xticks(DAMPINGS[::4])
-        left.legend(frameon=False, fontsize=9, loc="lower right")
-        left.set_title("shape of each boundary: median of the draws", loc="left", fontsize=9)
-        right.set_title("each over the difference: median, and half of the draws", loc="left",
-                        fontsize=9)  # fmt: skip
+        left.legend(loc="lower right")
+        left.set_title("shape of each boundary: median of the draws")
+        right.set_title("over the difference: median, middle half")
     return figure
 
 
@@ -387,13 +386,14 @@ def section(p: Prediction) -> str:
         for a, b in itertools.pairwise(p.order)
     )
     text = (
-        "Order by the median of the largest K, and in which share of the draws it holds:"
-        f" {', '.join(pairs)}. At B = 0 the velocity has no effect, and the four are equal. Of"
-        f" {p.periods_tried[0].size} rigs, with periods of {_said(1e3 * p.periods_tried[0], '.1f')}"
-        f" and {_said(1e3 * p.periods_tried[1], '.1f')} ms, those {p.walls.shape[0]} are kept whose"
-        f" periods are within {100.0 * NEAR:.0f} % of those given:"
-        f" {_said(1e3 * p.periods[0], '.1f')} and {_said(1e3 * p.periods[1], '.1f')} ms."
-        f" Their damper is {_said(p.damping, '.3f')} N m s/rad. All walls, in N m/rad:"
+        "The estimators are ordered by the median of the largest K. Share of draws with this order:"
+        f" {', '.join(pairs)}. At B = 0 the velocity has no effect, and the four are equal."
+        f" {p.periods_tried[0].size} rigs were drawn, with periods of"
+        f" {_said(1e3 * p.periods_tried[0], '.1f')} and"
+        f" {_said(1e3 * p.periods_tried[1], '.1f')} ms. The {p.walls.shape[0]} rigs whose periods"
+        f" are within {100.0 * NEAR:.0f} % of the given ones are kept; their periods are"
+        f" {_said(1e3 * p.periods[0], '.1f')} and {_said(1e3 * p.periods[1], '.1f')} ms. Their"
+        f" damper is {_said(p.damping, '.3f')} N m s/rad. All walls, in N m/rad:"
     )
     said = textwrap.wrap(text, 99, break_long_words=False, break_on_hyphens=False)
     return "\n".join([*top, "", *said, "", *walls])

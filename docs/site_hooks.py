@@ -1,4 +1,4 @@
-"""Links out of the documentation, to files that are no pages: on the site they are plain text."""
+"""Links from the documentation to files that are not pages become plain text on the site."""
 
 import re
 from pathlib import PurePosixPath
@@ -8,7 +8,7 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Return a page whose links out of the documentation say what they would open."""
+    """Return a page whose links out of the documentation, and to sources, are plain text."""
     folder = PurePosixPath(page.file.src_uri).parent
 
     def within(match: re.Match[str]) -> str:

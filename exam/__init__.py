@@ -1,1 +1,1 @@
-"""The exam: physics is concealed in recordings, diagnosed, and what was found is scored."""
+"""The exam: physics is concealed in recordings, diagnosed, and the answers are scored."""

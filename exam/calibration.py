@@ -1,4 +1,4 @@
-"""Whether probabilities mean what they say: of what is said with 0.9, nine in ten should be so.
+"""Calibration of stated probabilities: of the statements with 0.9, nine in ten should be true.
 
 The expected calibration error is the mean over all statements of |share that is true - mean of the
 stated probabilities|, taken in bins of probability (Naeini, Cooper & Hauskrecht, AAAI 2015).
@@ -16,7 +16,7 @@ EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 
 def calibration(stated: Sequence[tuple[float, bool]]) -> dict[str, Any]:
-    """Return statements, their reliability by bins of what was said, and the expected error."""
+    """Return the number of statements, the share that is true per bin, and the expected error."""
     said = np.array([p for p, _ in stated])
     so = np.array([right for _, right in stated], dtype=np.bool_)
     place = np.clip(np.searchsorted(EDGES, said, side="right") - 1, 0, len(EDGES) - 2)

@@ -1,4 +1,4 @@
-"""Many concealed recordings: in which order, with which effects, written with their sealed keys."""
+"""Making of many concealed recordings: their order and effects, written with sealed keys."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -48,7 +48,7 @@ class Order:
 def orders(
     folder: Path, asked: Mapping[str, int], seed: int, seconds: float | None = None
 ) -> list[Order]:
-    """Return the recordings to be made, in an order that tells nothing of their classes."""
+    """Return the recordings to be made, in an order that does not reveal their classes."""
     ranked = [(stratum, rank) for stratum, n in asked.items() for rank in range(n)]
     shuffled = np.random.default_rng([seed, len(ranked)]).permutation(len(ranked))
     found: list[Order] = []
@@ -61,7 +61,7 @@ def orders(
 def conceal(
     folder: Path, asked: Sequence[Order], executor: Executor, done: Said = lambda _: None
 ) -> int:
-    """Make the recordings that are not yet there; return how many were made.
+    """Make the recordings that do not exist yet; return how many were made.
 
     A recording is finished when its key exists, so that an interrupted run continues where it
     stopped. Raises OSError if they cannot be written, ValueError if the folder holds others.
@@ -117,7 +117,7 @@ def drawn(order: Order) -> Subject:
 
 
 def key_of(order: Order, subject: Subject) -> dict[str, Any]:
-    """Return everything that is known of a subject, in JSON's types."""
+    """Return the full truth of a subject, in JSON's types."""
     folder = Path(order.folder)
     files = recording_files(folder, order.name)
     law = subject.law

@@ -1,4 +1,4 @@
-"""One concealed recording: its rig drawn, its effects scaled by the limit of just this recording.
+"""One concealed recording: a random rig with effects scaled by the limit of this recording.
 
 The limit is that of the true device without its physics, on a recording with the same drive, noise
 and jitter as the published one.
@@ -33,7 +33,7 @@ TRIES = 12
 
 @dataclass(frozen=True)
 class Concealed:
-    """A recording, the device file that goes with it, and what is kept from whoever gets them."""
+    """A recording with its device file, and the truth that is kept secret."""
 
     stratum: str
     trace: Trace
@@ -44,11 +44,11 @@ class Concealed:
 
     @property
     def experiment(self) -> Experiment:
-        """The recording as a diagnosis takes it."""
+        """The recording as an experiment for a diagnosis."""
         return seen(self.trace, self.nominal)
 
     def subject(self) -> Subject:
-        """Return it as what is examined."""
+        """Return the recording as a subject of the exam."""
         rig, outside = self.rig, self.rig.outside
         about = {
             "drive": {"kind": rig.drive.kind, "feedback": list(rig.drive.feedback)},
@@ -72,7 +72,7 @@ def draw(
     """
     random = np.random.default_rng([seed, index])
     names: list[str | None] = [*_names(stratum)] or [None]
-    for offset in range(len(names)):  # the next effect, where no rig shows this one
+    for offset in range(len(names)):  # the next effect, if no rig shows this one
         for _ in range(TRIES):
             try:
                 made = _try(stratum, names[(rank + offset) % len(names)], random, seconds)

@@ -1,4 +1,4 @@
-"""A machine of full size on record: what encoders count, differenced and low-passed as drives do.
+"""Recording of a full-size machine: encoder counts, with velocities as drives compute them.
 
 Every position is counted by an encoder with the machine's step, after noise is added. A velocity is
 the difference of such counts over a period, possibly through a first-order low-pass.
@@ -85,7 +85,7 @@ def steps_a_tick(period: float) -> int:
 
 
 def film(scene: Scene) -> Made:
-    """Return the recording; raises RunAway where the machine leaves all bounds."""
+    """Return the recording; raises RunAway if the machine leaves all bounds."""
     device, camera, playing = scene.device, scene.camera, scene.playing
     period, ticks = device.interface.period, playing.wanted.size
     # One stream of random numbers for each use, so that one use more changes no other.

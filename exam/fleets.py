@@ -1,4 +1,4 @@
-"""A fleet of simulated devices with faults that are known, recorded again and again.
+"""A fleet of simulated devices with known faults, each recorded several times.
 
 A joint of one mass with a return spring, viscous and dry friction, recorded for some seconds at
 100 Hz under a random force. Its load (a known value) adds to the inertia, its dry friction differs
@@ -45,7 +45,7 @@ WEEK = 7
 
 @dataclass(frozen=True)
 class Truth:
-    """What is concealed: kind of fault by recording; the drifting device, and since when."""
+    """The truth: kind of fault by recording; the drifting device, and when its drift began."""
 
     faults: Mapping[str, str]
     drifting: str
@@ -53,7 +53,7 @@ class Truth:
 
 
 def nominal() -> Device:
-    """Return what a user knows of the device: its linear parameters, roughly."""
+    """Return the device as its user knows it: rough linear parameters."""
     chain = make_chain(np.array([0.011]), np.array([0.03]), 0.45, np.zeros(0), np.zeros(0))
     return Device("joint", "a joint of a fleet", True, chain, Interface(period=PERIOD))
 
@@ -64,11 +64,11 @@ def make_fleet(
     """Write a fleet of recordings with its table fleet.csv and device.toml, and return the truth.
 
     faults: how many devices have a fault, of the kinds in turn: in one of their recordings, or
-    (another spring) from the first to the last. Raises ValueError where there are too few devices.
+    (another spring) from the first to the last. Raises ValueError if there are too few devices.
     """
     if devices < faults + 2:
         raise ValueError(
-            f"devices is {devices}; allowed is at least two more than faults ({faults})"
+            f"devices is {devices}; it must be at least two more than faults ({faults})"
         )
     random = np.random.default_rng(seed)
     names = [f"d{d:03}" for d in range(devices)]

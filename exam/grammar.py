@@ -1,4 +1,4 @@
-"""Random laws from a grammar, which no part of the project knows by name.
+"""Random laws from a grammar, which no effect of the library describes.
 
     law      A f(u) | A f(u) g(w) | A f(u + depth g(w))
     f, g     odd, even and one-sided powers, tanh, sine, bump, straight pieces between random knots
@@ -123,7 +123,7 @@ class Law:
         return row
 
     def along(self, motion: Mapping[str, Floats]) -> Floats:
-        """Return what the law gives along a motion."""
+        """Return the value of the law along a motion."""
         if self.second is None:
             return self.amplitude * self.first.of(motion)
         if self.inner:
@@ -201,7 +201,7 @@ def draw_law(
 
 
 def scaled(law: Law, factor: float) -> Law:
-    """Return the law a factor as strong."""
+    """Return the law with its strength times a factor."""
     return Law(law.at, factor * law.amplitude, law.first, law.second, law.inner, law.depth)
 
 
@@ -235,7 +235,7 @@ def _factor(random: np.random.Generator, argument: str, values: Floats) -> Facto
 
 
 def novelty(law: Law, t: Floats, states: Floats, command: Floats) -> float:
-    """Return the share of a law's rms that neither a refit nor two laws of the library reach.
+    """Return the share of a law's rms that neither a refit nor two laws of the library explain.
 
     Along the motion alone: least squares on everything linear, then on the two of many library laws
     at many shapes that take most of what is left, one after the other.

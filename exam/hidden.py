@@ -1,4 +1,4 @@
-"""A concealed effect, and the rig, bare of it, in which it is to be concealed."""
+"""A concealed effect, and the rig without it, in which it is to be concealed."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ SEEN = 5.0  # sigma at which an effect is at its limit
 
 @dataclass(frozen=True)
 class Hidden:
-    """A concealed effect: its magnitude, and how many times the limit that is.
+    """A concealed effect: its magnitude, and the ratio of that to the limit.
 
     sigma: its distance from what a refit absorbs; sigma_beside: the same beyond what the magnitudes
     of the other concealed effects absorb as well. rivals: effect@place -> its distance from this
@@ -36,7 +36,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Stage:
-    """A rig on which nothing is concealed yet, what its recording could show, and how it moves."""
+    """A rig with nothing concealed yet, the reference for its limits, and its motion."""
 
     rig: Rig
     known: Reference
@@ -44,7 +44,7 @@ class Stage:
 
 
 def seen(trace: Trace, device: Device) -> Experiment:
-    """Return a trace as a diagnosis takes it."""
+    """Return a trace as an experiment for a diagnosis."""
     return experiment(trace, device)
 
 

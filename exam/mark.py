@@ -47,7 +47,7 @@ class Marked:
 
     @property
     def right(self) -> bool:
-        """What is asked: found, or in the class where no more can be told."""
+        """Whether the effect was found or, if not distinct, is in the class that was named."""
         return self.found if self.apart else self.in_class
 
 
@@ -58,7 +58,7 @@ class Mark:
     linear: of the device's masses, dampers and springs, parameter -> truth inside its interval.
     kind: of the stratum. alone: findings that stand alone -> whether each explains something.
     first_right: whether the first finding is a concealed effect at its place. adequate: what the
-    answer says of itself, None where it does not. stated: (probability, whether it is so).
+    answer says of itself, None if it does not. stated: (probability, whether it is so).
     """
 
     recording: str

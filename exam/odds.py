@@ -22,7 +22,7 @@ DRAWN_AT = 0.01  # the share at which `draw_physics` draws
 def choose(
     random: np.random.Generator, device: Device, taken: list[tuple[str, str]]
 ) -> tuple[str, str] | None:
-    """Return an effect and a place that goes beside those taken, None where nothing does."""
+    """Return an effect and a place compatible with those chosen already, or None."""
     possible: dict[str, list[str]] = {}
     masses = device.chain.masses.size + sum(EFFECTS[name].adds_mass for name, _ in taken)
     for name, at in places(device):
@@ -38,7 +38,7 @@ def choose(
 
 
 def clash(one: tuple[str, str], other: tuple[str, str]) -> bool:
-    """Whether no machine has both effects, each (name, place).
+    """Whether two effects, each (name, place), exclude each other.
 
     At one place two laws of one family, or a law and what it contains, are one and the same thing.
     """
@@ -57,7 +57,7 @@ def clash(one: tuple[str, str], other: tuple[str, str]) -> bool:
 def sized(
     random: np.random.Generator, name: str, at: str, device: Device, motion: Motion, share: float
 ) -> Physics | None:
-    """Return an effect at a share of the motion; None where it cannot be as large."""
+    """Return an effect at a share of the motion; None if it cannot be so large."""
     effect = EFFECTS[name]
     if effect.at_share is None:
         return strengthened(draw_physics(random, name, at, device, motion), share / DRAWN_AT)

@@ -36,7 +36,7 @@ Made = tuple[Rig, Trace, tuple[Hidden, ...]]
 def conceal_effects(
     stratum: Stratum, first: str, random: np.random.Generator, stage: Stage
 ) -> Made | None:
-    """Return rig, recording and what is concealed in it, `first` and others; None where it fails.
+    """Return rig, recording and concealed effects, `first` and others; None if that fails.
 
     Raises RunAway if the device leaves all bounds.
     """
@@ -90,7 +90,7 @@ def chosen(
 
 
 def _sized(known: Reference, shape: Physics, times: float) -> tuple[Physics, float] | None:
-    """Return the effect at that many times its limit; one without a magnitude as it is."""
+    """Return the effect at that many times its limit; without a magnitude, unchanged."""
     if magnitude(shape, known.peak) is None:
         return shape, sigma(known, shape) / SEEN
     smallest = limit(known, shape)
@@ -111,7 +111,7 @@ def _beside(known: Reference, physics: Sequence[Physics]) -> list[float]:
 
 
 def as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
-    """Return at how many sigma each effect stands in the recording as it was made.
+    """Return at how many sigma each effect is visible in the recording as made.
 
     This is how much worse a device without this effect predicts it, with its linear parameters
     fitted to the recording completely and not to first order: a heavy weight holds its device where

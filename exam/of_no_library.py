@@ -31,7 +31,7 @@ COARSE = 20  # steps per tick while a strength is sought
 def conceal_outside(
     stratum: Stratum, name: str, random: np.random.Generator, stage: Stage
 ) -> Made | None:
-    """Return rig, recording and what is concealed in it; None where no strength shows enough."""
+    """Return rig, recording and the concealed physics; None if no strength is visible enough."""
     rig, known, motion = stage.rig, stage.known, stage.motion
     if name == "swaying_stiffness" and rig.device.chain.masses.size < 2:
         return None

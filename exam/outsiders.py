@@ -46,7 +46,7 @@ FITTED_SHARE = 0.3  # of their device files
 
 
 def draw_outsider(seed: int, index: int, seconds: float | None = None) -> Subject:
-    """Return subject number `index` of a seed; raises ValueError where none was found."""
+    """Return subject number `index` of a seed; raises ValueError if none was found."""
     random = np.random.default_rng([seed, index, STREAM])
     whole = random.random() < RIG_SHARE
     for _ in range(TRIES):
@@ -61,9 +61,9 @@ def draw_outsider(seed: int, index: int, seconds: float | None = None) -> Subjec
 
 @dataclass(frozen=True)
 class Bare:
-    """What a law is to be concealed in: a device that was recorded without it.
+    """A device recorded without the law that is to be concealed in it.
 
-    effects: of the library, that the device has beside those of `device`.
+    effects: further effects of the library that the device has, besides those of `device`.
     """
 
     device: Device
@@ -72,7 +72,7 @@ class Bare:
     noise: Noise
 
     def law(self, random: np.random.Generator) -> tuple[Law, float] | None:
-        """Return a law of a size along the first recording, and its share; None for none found."""
+        """Return a law scaled along the first recording, and its share; None if none is found."""
         first = self.made[0]
         t, command = first.trace.t, first.trace["command"]
         for _ in range(LAWS):
@@ -88,7 +88,10 @@ class Bare:
         return None
 
     def stands(self, made: Sequence[Made]) -> float:
-        """Return the sigma of a law in recordings with it, which begin with those that are fit."""
+        """Return by how many sigma the law stands out.
+
+        made: recordings with the law; those used for the fit come first.
+        """
         without, recorded = (
             [replace(experiment(m.trace, self.device), dropped=m.lost) for m in every]
             for every in (self.made, made[: len(self.made)])
@@ -164,7 +167,7 @@ def _at_limit(random: np.random.Generator, seconds: float | None) -> Subject | N
 
 
 def floor(made: Sequence[Made], fitted: int) -> float:
-    """Return the rms error of the truth's own free runs, noise left out, where others are judged.
+    """Return the rms error of the truth's own noise-free runs, on the data that judge others.
 
     Of the first output, in windows as `perfect` has them, from the true states: no prediction errs
     less but by chance.

@@ -1,4 +1,4 @@
-"""How much of what perfect knowledge gives a diagnosis gave: free runs over data not fitted to.
+"""The share of the possible improvement that a diagnosis reached: free runs on held-out data.
 
 The last 30 % of each recording, or the validation recording, are predicted in windows of half a
 second (a third of it, if that is less) by four devices: the device file's, the refitted one, the
@@ -7,8 +7,8 @@ the true device. From the rms errors,
 
     share = (before - after) / (before - perfect).
 
-With a law without a name no device of the library is the truth; its error is then that of the truth
-itself, simulated without noise from its true states.
+With a law outside the library no device is the true one; the perfect error is then the error of the
+truth itself, simulated without noise from its true states.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ from zwidth.scenarios.concealed.handout import recording_files
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, load_device
 
-WORTH = 0.02  # perfect knowledge must improve the fit by this share, or none can be told
+WORTH = 0.02  # the true device must improve the fit by this share to compare with it
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class HeldOut:
 
     @property
     def share(self) -> float | None:
-        """Share of what the truth improves on the device file; None where that is little."""
+        """Share of the true device's improvement on the device file; None if that is small."""
         return self._share(self.before)
 
     @property
     def share_beyond_refit(self) -> float | None:
-        """The same from the refitted device: what knowing the physics adds."""
+        """The same share of the improvement on the refitted device: the part due to the physics."""
         return self._share(self.refit)
 
     def _share(self, start: float) -> float | None:
@@ -60,7 +60,7 @@ class HeldOut:
 def held_out(
     folder: Path, name: str, key: Mapping[str, Any], answer: Mapping[str, Any]
 ) -> HeldOut | None:
-    """Return the errors; None without a diagnosis, or where what the truth leaves is not known.
+    """Return the errors; None without a diagnosis, or if the error of the true model is unknown.
 
     Also None if no observer can be computed for one of the devices, so that nothing can be
     compared.
@@ -89,7 +89,7 @@ def held_out(
 
 
 def as_seen(e: Experiment, origin: float | None) -> Experiment:
-    """Return a recording as an augmented device predicts it, which counts commands by itself.
+    """Return a recording prepared for an augmented device, which has its own command scale.
 
     origin: in units of the rms motion, None for none. JSON has None, too, for what is not finite.
     """

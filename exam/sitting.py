@@ -1,4 +1,4 @@
-"""One sitting: a subject is diagnosed as anybody would, and what came out is written down."""
+"""One sitting: a subject is diagnosed as a user would, and the answer is recorded."""
 
 import time
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Paper:
 
 
 def sit(paper: Paper) -> dict[str, Any]:
-    """Return what a diagnosis says of a subject, in JSON's types.
+    """Return the answer of a diagnosis to a subject, in JSON's types.
 
     The keys: recording, sha256 of its files, samples, seconds (and of all cores), diagnosis,
     device (augmented, as a device file), error. A diagnosis that ends with an error is an answer
@@ -68,7 +68,7 @@ def sit(paper: Paper) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Recordings:
-    """The recordings of a subject: those to fit to, and those to judge by, which may lack."""
+    """The recordings of a subject: those to fit to and, possibly, those to judge by."""
 
     fit: list[Experiment]
     judge: list[Experiment]

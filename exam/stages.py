@@ -80,9 +80,9 @@ class Stage:
 
 
 def draw_stage(random: np.random.Generator, seconds: float | None) -> Stage | None:
-    """Return a machine that plays; None where it hardly moves its encoder.
+    """Return a machine that plays; None if it hardly moves its encoder.
 
-    seconds: length of each recording, drawn where None. Raises RunAway where it leaves all bounds.
+    seconds: length of each recording, drawn where None. Raises RunAway if it leaves all bounds.
     """
     machine = draw_machine(random)
     two, validated = random.random() < TWO_SHARE, random.random() < VALIDATED_SHARE

@@ -1,4 +1,4 @@
-"""What is asked, and how often: the classes of concealed recordings."""
+"""The classes of concealed recordings, and the share of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -76,8 +76,10 @@ def _asked(text: str) -> dict[str, int]:
         name, _, number = item.partition("=")
         name = name.strip()
         if name not in STRATA:
-            raise ValueError(f"strata has {name!r}; allowed is {', '.join(STRATA)}")
+            raise ValueError(f"strata has {name!r}; its classes are {', '.join(STRATA)}")
         if not number.strip().isdigit() or int(number) < 1:
-            raise ValueError(f"strata has {item.strip()!r}; give NAME=COUNT, a count from 1 on")
+            raise ValueError(
+                f"strata has {item.strip()!r}; give NAME=COUNT, with a count of 1 or more"
+            )
         found[name] = found.get(name, 0) + int(number)
     return found

@@ -1,4 +1,4 @@
-"""What is examined: one device, what was recorded of it, its file, and the truth behind them."""
+"""A subject of the exam: one device with its recordings, its file, and the truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -58,6 +58,6 @@ class Subject:
 
     @property
     def validation(self) -> list[Experiment] | None:
-        """The recordings to judge by, None where there are none."""
+        """The recordings to judge by, None if there are none."""
         found = [experiment(t, self.nominal, f"v{i + 1}") for i, t in enumerate(self.judged)]
         return found or None

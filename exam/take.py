@@ -35,12 +35,12 @@ Said = Callable[[str], None]
 def sit_all(folder: Path, executor: Executor, done: Said = lambda _: None) -> list[str]:
     """Diagnose every recording that has no answer yet; return all names.
 
-    Raises ValueError where the folder holds no concealed recordings.
+    Raises ValueError if the folder holds no concealed recordings.
     """
     every = names(folder)
     if not every:
         raise ValueError(
-            f"{folder} holds no concealed recordings; make some there by zwidth conceal"
+            f"{folder} holds no concealed recordings; make some there with 'zwidth conceal'"
         )
     (folder / "answers").mkdir(exist_ok=True)
     papers = {
@@ -73,7 +73,7 @@ class Opened:
 def open_seal(folder: Path, name: str) -> Opened:
     """Return key and answer of a recording.
 
-    Raises SealError where key, recording, device file or answer is not what it was.
+    Raises SealError if key, recording, device file or answer is not what it was.
     """
     sealed = load_description(description_file(folder, name)).source
     files = recording_files(folder, name)
@@ -94,7 +94,7 @@ def open_seal(folder: Path, name: str) -> Opened:
 
 
 def fit_of(opened: Opened) -> dict[str, float] | None:
-    """Return the held-out errors as JSON, None where there are none."""
+    """Return the held-out errors as JSON, None if there are none."""
     found = held_out(Path(opened.folder), opened.name, opened.key, opened.answer)
     return None if found is None else asdict(found)
 

@@ -139,7 +139,7 @@ def _column(m: Mark) -> str:
 
 
 def confusion(single: Sequence[Mark]) -> dict[str, Any]:
-    """Return counts of what single effects (rows) were first taken for (columns)."""
+    """Return counts of the effect named first (columns) for each single concealed effect (rows)."""
     rows = sorted({m.effects[0].effect for m in single})
     seen = {_column(m) for m in single}
     columns = [*rows, *sorted(seen - {*rows, NOTHING, UNKNOWN}), UNKNOWN, NOTHING]

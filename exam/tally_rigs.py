@@ -14,7 +14,7 @@ NEARLY = 1.5  # times the error that the truth leaves, up to which an answer is 
 
 
 def rigs(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
-    """Return what is told of rigs at full size; fits: recording -> its held-out errors."""
+    """Return the statistics of rigs at full size; fits: recording -> its held-out errors."""
     clean = [m for m in marks if not m.effects]
     full = [m for m in marks if m.effects]
     effects = [e for m in full for e in m.effects]
@@ -64,7 +64,7 @@ def rigs(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
 
 
 def outside(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
-    """Return what is told of laws of no name.
+    """Return the statistics of laws outside the library.
 
     An answer is right if it says `unknown_physics`, or calls adequate a model that errs hardly more
     than the truth.
@@ -117,7 +117,7 @@ def adequacy(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, An
 
 
 def held_out(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
-    """Return quantiles of the share of what the truth improves on held-out data."""
+    """Return quantiles of the share of the truth's improvement on held-out data."""
     known = [fits[m.recording] for m in marks if m.recording in fits]
     return {
         "share": quantiles([f.share for f in known]),

@@ -1,4 +1,4 @@
-"""At how many sigma each effect of a truth stands in recordings: what going without it costs.
+"""At how many sigma each effect is visible in recordings: the cost of a model without it.
 
 Under the observer that belongs to the known noise, e(device) are the innovations of a device and J
 their slopes by its linear parameters, at the truth. Without one effect
@@ -80,9 +80,9 @@ def standing(
     bare: Device, effects: Sequence[Physics], experiments: Sequence[Experiment], noise: Noise,
     asked: float,
 ) -> list[float]:  # fmt: skip
-    """Return the sigma of each effect, refitted to the end where it is not clearly above `asked`.
+    """Return the sigma of each effect, with a full refit if it is not clearly above `asked`.
 
-    bare: the true device without them. Raises NoObserver where none follows.
+    bare: the true device without them. Raises NoObserver if there is no observer of a model.
     """
     if not effects:
         return []
@@ -97,7 +97,7 @@ def standing_law(
     bare: Device, effects: Sequence[Physics], without: Sequence[Experiment],
     recorded: Sequence[Experiment], noise: Noise, asked: float,
 ) -> float:  # fmt: skip
-    """Return the sigma of a law of no name.
+    """Return the sigma of a law outside the library.
 
     recorded, without: recordings with it and without, of the same noise.
     """
@@ -108,7 +108,7 @@ def standing_law(
 
 
 def _without(seen: Sight, problem: Problem, model: Model, asked: float) -> float:
-    """Return the sigma by which a model that lacks something errs, refitted where need be."""
+    """Return the sigma of the error of an incomplete model, refitted if necessary."""
     start = np.zeros(model.linear_count)
     sigma = seen.sigma(problem.weighted(model, start) - seen.base)
     if asked < sigma < CLEAR * asked:
@@ -138,7 +138,7 @@ def _with_priors(model: Model, values: Floats) -> Floats:
 
 
 def refitted(device: Device, experiments: Sequence[Experiment], noise: Noise) -> Device:
-    """Return the device with its linear parameters fitted, as if nothing were concealed."""
+    """Return the device with its linear parameters fitted, ignoring concealed physics."""
     parts = [e.part(0, min(e.ticks, LONGEST)) for e in experiments]
     model = Model(device)
     x = np.zeros(model.linear_count)

@@ -1,1 +1,1 @@
-"""Export of a device to other simulators: C, FMU, MJCF, URDF, SDF, and what each loses."""
+"""Export of a device to other simulators (C, FMU, MJCF, URDF, SDF), with the losses of each."""

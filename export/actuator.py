@@ -1,7 +1,7 @@
-"""A device as robots' simulators have an actuator: one joint, a loop on it, friction, a limit.
+"""A device as an actuator of robot simulators: one joint, a loop on it, friction, a limit.
 
-What of a drive is a loop on the position of m1 (`position_servo`) stays apart from the joint that
-it moves; a chain is one body, as in URDF. Dry friction has two levels, at rest and in motion.
+A loop on the position of m1 (`position_servo`) is separate from the joint that it moves; a chain is
+one body, as in URDF. Dry friction has two levels, at rest and in motion.
 """
 
 from dataclasses import replace
@@ -19,10 +19,11 @@ from zwidth.sim.physics.effect import Physics
 class Actuator(NamedTuple):
     """One joint with its drive, SI.
 
-    stiffness, damping of the loop on its position, 0 where the command is an effort; gain from the
-    command to the effort; limit of the effort; delay_ticks of the command; mass that moves, viscous
-    damping and dry friction, sliding and at rest. lost: what of the device is not in these numbers;
-    held: the device that has exactly these, at rest no more friction than sliding.
+    stiffness, damping: of the loop on its position, 0 if the command is an effort; gain: from
+    command to effort; limit: of the effort; delay_ticks: of the command; then the moving mass,
+    viscous damping, and dry friction, sliding and at rest. lost: parts of the device that these
+    numbers leave out; held: the device with exactly these numbers, with no more friction at rest
+    than sliding.
     """
 
     stiffness: float
@@ -44,7 +45,7 @@ class Actuator(NamedTuple):
 
 
 def actuator_of(device: Device, rises: bool) -> Actuator:
-    """Return a device as one actuator; rises: whether the format has more friction at rest."""
+    """Return a device as one actuator; rises: whether the format allows higher friction at rest."""
     loop = {p.effect.name: p for p in device.physics if p.effect.name in ("position_servo",
             "servo_limit")}  # fmt: skip
     servo, rub = loop.get("position_servo"), _rising(device)
@@ -104,7 +105,7 @@ def _rising(device: Device) -> Physics | None:
 
 
 def command_in_words(actuator: Actuator, effort: str) -> str:
-    """Say what the command is to the actuator; effort: the name of the input that takes one."""
+    """Describe the command in words; effort: the name of the actuator's effort input."""
     if actuator.looped:
         share = actuator.gain / actuator.stiffness
         return "The command is the goal of the position" + (

@@ -7,11 +7,11 @@ is a winding under a voltage u, with tau = kt (u - kt v) / R; friction is at mos
     s(v) = exp(-|v / dtheta_stribeck|^alpha),
 
 where the load is a share of the motor's torque (m3 to m6) and of what acts from outside. m6 adds a
-square of the torque. A JSON that Isaac Lab extended also has the firmware: kp, error_gain, vin and
-max_pwm, and is a servo then, whose command is the goal of its position. Motors of eRob are under a
-current, tau = kt i.
+square of the torque. A JSON as extended by Isaac Lab also has the firmware: kp, error_gain, vin and
+max_pwm. It is then a servo, whose command is the goal of its position. Motors of eRob are driven by
+a current, tau = kt i.
 
-Here s has the exponent 2, and load is the drive's force alone.
+In this project s has the exponent 2, and load is the drive's force alone.
 """
 
 import json
@@ -49,17 +49,17 @@ NEEDED["m6"] = (*NEEDED["m5"], *(f"{side}_quad" for side in SIDES))
 ALWAYS = ("kt", "armature", "friction_base", "friction_viscous")
 FIRMWARE = ("kp", "error_gain", "vin")
 ABOVE_ZERO = ("kt", "R", "armature", "dtheta_stribeck", "alpha", *FIRMWARE, "max_pwm")
-OF_CURRENT = "erob"  # actuators whose names begin so
-SUBSTEPS = 20  # of BAM's integrator, of the first order, in a sample
+OF_CURRENT = "erob"  # beginnings of the names of actuators driven by a current
+SUBSTEPS = 20  # steps of BAM's first-order integrator per sample
 
 
 def device_of_bam(path: Path, period: float = 0.001) -> tuple[Device, list[str]]:
-    """Return a servo of BAM as a device of one mass, and what of it that device leaves out.
+    """Return a servo of BAM as a device of one mass, and sentences on what that leaves out.
 
-    The mass is the rotor's alone, `armature`. period [s]: of the sampled interface, of which the
-    file says nothing.
+    The mass is the rotor's alone, `armature`. period [s]: of the sampled interface, which the file
+    does not contain.
 
-    Raises ValueError for a file that is no JSON of BAM, with the field and what is allowed.
+    Raises ValueError, with the field and what is allowed, for a file that is not a JSON of BAM.
     """
     model, numbers, actuator = _read(path)
     left_out: list[str] = []
@@ -146,34 +146,35 @@ def _read(path: Path) -> tuple[str, dict[str, float], str]:
         value = numbers.get(name, 1.0)
         if not 0.0 <= value < math.inf or (value == 0.0 and name in ABOVE_ZERO):
             allowed = "a finite number above 0" if name in ABOVE_ZERO else ">= 0 and finite"
-            raise ValueError(f"{name} of {path} is {value:g}; allowed is {allowed}")
+            raise ValueError(f"{name} of {path} is {value:g}; it must be {allowed}")
     return model, numbers, str(content.get("actuator", ""))
 
 
 @dataclass(frozen=True)
 class BamFile(Exported):
-    """A JSON of BAM; what it does not hold stands in it under "zwidth", which BAM passes over."""
+    """A JSON of BAM; the rest of the device is under the key "zwidth", which BAM ignores."""
 
     def text(self, cost: str = "") -> str:
-        """Return the file; cost: a sentence on how well it follows the device."""
+        """Return the file's text; cost: a sentence on how well it matches the device."""
         about = {"about": list(self.about), "not_held": list(self.lost), "cost": cost}
         return json.dumps(json.loads(self.body) | {"zwidth": about}, indent=4) + "\n"
 
 
 def bam(device: Device, name: str) -> BamFile:
-    """Return a rotary device as a JSON of BAM, of an actuator of this name.
+    """Return a rotary device as a JSON of BAM; name: of the actuator.
 
-    Dry friction is m1, with a rise at rest m2, with friction by the drive's force m5. Where the
-    device does not say what of its damping is the winding's (`open_winding`), all is.
+    With dry friction the model is "m1", with higher friction at rest "m2", with friction by the
+    drive's force "m5". If the device does not state the winding's part of its damping
+    (`open_winding`), all of the damping counts as the winding's.
 
-    Raises ValueError for a device that is not rotary, that has a loop on its position, or no
-    damping, from which kt and R follow.
+    Raises ValueError for a device that is not rotary, has a loop on its position, or has no
+    damping, from which kt and R are computed.
     """
     if not device.rotary:
-        raise ValueError(f"{device.name} is not rotary, and actuators of BAM are")
+        raise ValueError(f"{device.name} is not rotary, but actuators of BAM are")
     if any(p.effect.name == "position_servo" for p in device.physics):
         raise ValueError(
-            f"{device.name} has position_servo, and BAM keeps the gains of a loop in its code, not"
+            f"{device.name} has position_servo, but BAM keeps the gains of a loop in its code, not"
             " in its files; export the device without it, and give BAM kp and vin"
         )
     kept = {p.effect.name: p for p in device.physics if p.at == "m1"}
@@ -188,11 +189,12 @@ def bam(device: Device, name: str) -> BamFile:
         winding = min(winding, opened.values["damping"])
     elif winding > 0.0:
         lost.append(
-            "the device does not say what of its damping is the winding's: all is, in kt and R"
+            "how much of the damping is the winding's is not known: all of it is taken as such, in"
+            " kt and R"
         )
     if not winding > 0.0:
         raise ValueError(
-            f"{device.name} has no damping, from which BAM's kt and R would follow; give b1 a value"
+            f"{device.name} has no damping, from which BAM's kt and R are computed; give b1 a value"
             " above 0"
         )
     if math.isfinite(a.limit):
@@ -226,7 +228,7 @@ def bam(device: Device, name: str) -> BamFile:
 
 
 def has_bam() -> bool:
-    """Return whether BAM can be run here."""
+    """Whether BAM is installed."""
     try:
         return hasattr(import_module("bam.model"), "load_model_from_dict")
     except ModuleNotFoundError:

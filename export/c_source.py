@@ -33,7 +33,7 @@ static double zwidth_exponent(double x)
 class _Memory(NamedTuple):
     x: Array
     internal: Array
-    scalars: np.ndarray = np.zeros(SCALARS)  # where the time begins
+    scalars: np.ndarray = np.zeros(SCALARS)  # where the time starts
 
 
 class _Scratch(NamedTuple):
@@ -57,9 +57,9 @@ def identifier(name: str) -> str:
 
 
 def c_source(device: Device, name: str, seed: int = 0) -> Exported:
-    """Return a device as C99 text; name: with which everything in it begins.
+    """Return a device as C99 text; name: the prefix of every name in it.
 
-    NAME_reset, NAME_read and NAME_step. seed: of what happens at random.
+    It has NAME_reset, NAME_read and NAME_step. seed: of random events.
     """
     refused = {
         label_of(p): reason
@@ -90,7 +90,7 @@ def c_source(device: Device, name: str, seed: int = 0) -> Exported:
 
 
 def _reason(device: Device, effect: str, at: str, seed: int) -> str:
-    """Why an effect cannot be translated, "" where it can."""
+    """Why an effect cannot be translated, "" if it can."""
     alone = tuple(p for p in device.physics if (p.effect.name, p.at) == (effect, at))
     try:
         _text(replace(device, physics=alone), "x", seed)
@@ -105,10 +105,11 @@ def _text(device: Device, name: str, seed: int) -> str:
 
 
 def settable_source(device: Device, name: str, seed: int = 0) -> tuple[str, list[Number]]:
-    """Return the same as C text whose state holds numbers that a run may set, and those numbers.
+    """Return C text as `c_source` with numbers that a run may set, and these numbers.
 
-    They are `state.p[k]`, in their order, and NAME_reset gives them the device's values. An effect
-    whose law needs them known beforehand keeps them. Raises Untranslatable as `c_source` says.
+    They are `state.p[k]`, in this order, and NAME_reset sets them to the device's values. An effect
+    whose law needs its numbers in advance keeps them as constants. Raises Untranslatable as
+    `c_source`.
     """
     eq, memory = _prepared(device, seed)
     labels = may_be_set(device)

@@ -30,7 +30,7 @@ int main(void)
 
 
 def compiler() -> str | None:
-    """Return the C compiler of this machine: what CC names, else cc, gcc or clang."""
+    """Return this machine's C compiler: the one in CC, else cc, gcc or clang, or None."""
     named = os.environ.get("CC")
     return next((f for c in (named, "cc", "gcc", "clang") if c and (f := shutil.which(c))), None)
 
@@ -38,7 +38,7 @@ def compiler() -> str | None:
 def run_c(text: str, name: str, commands: Floats, flags: tuple[str, ...] = FLAGS) -> Floats:
     """Compile a C export of this name and return its readings under commands (ticks,).
 
-    Raises ValueError where there is no compiler or it refuses the text.
+    Raises ValueError if there is no compiler or it refuses the text.
     """
     found = compiler()
     if found is None:

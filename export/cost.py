@@ -1,4 +1,4 @@
-"""How much of a device's motion an export loses: the same command through both."""
+"""The error of an export: the same command through device and export."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from zwidth.sim.device import Device
 
 
 class Cost(NamedTuple):
-    """share: rms error over rms motion, None where nothing could be run; said: a sentence."""
+    """share: rms error over rms motion, None if the export could not be run; said: a sentence."""
 
     share: float | None
     said: str
@@ -20,9 +20,9 @@ class Cost(NamedTuple):
 def cost_of(
     exported: Exported, device: Device, to: str, name: str, seconds: float, seed: int = 0
 ) -> Cost:
-    """Run a device and its export under the same multisine and compare what is measured.
+    """Run a device and its export under the same multisine and compare the measured positions.
 
-    Raises ValueError where the compiler refuses a C file.
+    Raises ValueError if the compiler refuses a C file.
     """
     commands = command_for(device, seconds)
     if to == "c" and compiler() is None:
@@ -51,7 +51,7 @@ def cost_of(
 
 
 def percent(share: float) -> str:
-    """Return a share as people read it: two digits, or whole percents where it is large."""
+    """Return a share as a percentage: two digits, or whole percents if it is large."""
     if share == float("inf"):
         return "more than any share"
     return f"{100.0 * share:.0f} %" if share >= 0.995 else f"{100.0 * share:.2g} %"

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from zwidth.export.settable import Number
 
-TOKEN = "{00000000-0000-0000-0000-000000000000}"  # in the source, until its own is known
+TOKEN = "{00000000-0000-0000-0000-000000000000}"  # in the source, until the token is computed
 SPACE = uuid.UUID("7f3f0a5e-0d0c-5b8e-9a54-0c1d6a3c7f10")
 SI = {"N": {"kg": 1, "m": 1, "s": -2}, "m": {"m": 1}, "kg": {"kg": 1}, "s": {"s": 1},
       "rad": {"rad": 1}}  # fmt: skip
@@ -29,9 +29,10 @@ class Variables(NamedTuple):
 def description(
     title: str, name: str, about: str, period: float, variables: Variables, source: str
 ) -> tuple[str, str]:
-    """Return the XML, and the token by which an importer says that it has read it.
+    """Return the XML, and the instantiation token, which an importer must give back.
 
-    period [s]: of the device; source: from it and from this description the token is computed.
+    period [s]: of the device; source: the C source, from which, with this description, the token is
+    computed.
     """
     root = _model(title, name, about, period, variables, TOKEN)
     token = "{" + str(uuid.uuid5(SPACE, source + _text(root))) + "}"
@@ -50,7 +51,7 @@ def build_description(name: str) -> str:
 def base_units(unit: str) -> dict[str, int]:
     """Return the exponents of a unit's SI base units: "N m s2/rad2" is kg m2 rad-2, "1/s" s-1.
 
-    Raises KeyError for a unit that is not made of N, m, kg, s and rad.
+    Raises KeyError for a unit with other parts than N, m, kg, s and rad.
     """
     over, _, under = unit.partition("/")
     found: dict[str, int] = {}

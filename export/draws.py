@@ -1,8 +1,8 @@
-"""Joint draws from what is known of a device, for training under domain randomisation.
+"""Joint draws of a device's uncertain numbers, for training with domain randomisation.
 
-Each draw is a complete device, written in the format; the result lists the fields that differ
-between draws with their values. Masses, springs, gain and limit are drawn by their logarithms, as
-in their fit; all others from a normal distribution, of which only physical values are kept.
+Each draw is a complete device, exported to the format; the result lists the fields that differ
+between draws, with their values. The logarithms of masses, springs, gain and limit are drawn, as in
+the fit; all other numbers are drawn from a normal distribution, and only physical values are kept.
 """
 
 import csv
@@ -30,8 +30,8 @@ FORMATS = ("mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
 SUFFIXES = (".json", ".npz", ".csv")
 # "stiffness=2.0," of Python, "float newton:kp = 2.0" and "float3 x = (1.0, 2.0, 3.0)" of USD
 ASSIGNED = re.compile(r"^ *(?:\w+ )?([\w:]+) ?= ?\(?([-+.\de, ]+?)\)?,?$", re.MULTILINE)
-TRIES = 1000  # a draw, until physics allows one
-SOLVER = ("timestep", "solreffriction")  # of the simulator, not of the device
+TRIES = 1000  # per draw, until the values are physical
+SOLVER = ("timestep", "solreffriction")  # fields of the simulator, not of the device
 
 
 class Draws(NamedTuple):
@@ -45,7 +45,7 @@ class Draws(NamedTuple):
 
 
 def draws_of(device: Device, count: int, seed: int) -> Draws:
-    """Return devices that are drawn from the posterior of one, else from its [uncertainty].
+    """Return devices drawn from the posterior of one or, without it, from its [uncertainty].
 
     Raises ValueError if the posterior names something that the device lacks, if nothing in it is
     uncertain, or if hardly any draw is physical.
@@ -78,7 +78,7 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
             continue
         try:
             devices.append(with_numbers(bare, dict(zip(told.names, x.tolist(), strict=True))))
-        except ValueError:  # two numbers that cannot be together
+        except ValueError:  # two numbers that exclude each other
             continue
         drawn.append(x)
         if len(devices) == count:
@@ -107,7 +107,7 @@ def _shares(device: Device) -> Posterior:
 
 
 def independent_sentence(device: Device) -> str:
-    """Say that draws are independent, and from where they come."""
+    """A sentence that draws are independent, and on their source."""
     known = device.uncertainty
     return (
         f"{device.name} has no [posterior], which a diagnosis writes into NAME.augmented.toml, so"
@@ -120,9 +120,9 @@ def independent_sentence(device: Device) -> str:
 def as_json(
     device: Device, draws: Draws, export: Callable[[Device], Exported], to: str, seed: int
 ) -> dict[str, Any]:
-    """Return the file: numbers of the device, and fields of the format, with all their draws.
+    """Return the JSON: numbers of the device and fields of the format, each with all its draws.
 
-    export: writes a device in the format.
+    export: converts a device to the format.
     """
     here = fields_of(export(replace(device, posterior=None, band=None)).body)
     every = [fields_of(export(one).body) for one in draws.devices]
@@ -148,7 +148,7 @@ def _of_solver(key: str) -> bool:
 
 
 def fields_of(body: str) -> dict[str, float | list[float]]:
-    """Return the numbers of a model by their names: "joint/m1/damping" of XML, "stiffness"."""
+    """Return the numbers of a model's text by name: "joint/m1/damping" of XML, "stiffness"."""
     if body.startswith("{"):
         told = json.loads(body)
         return {key: value for key, value in told.items() if isinstance(value, float)}
@@ -188,7 +188,7 @@ def as_npz(told: Mapping[str, Any]) -> bytes:
 
 
 def as_csv(told: Mapping[str, Any]) -> str:
-    """Return draws as CSV, one a row; the k-th number of a field is called NAME[k]."""
+    """Return draws as CSV, one per row; the k-th number of a field is called NAME[k]."""
     columns: dict[str, list[float]] = {}
     for name, values in columns_of(told).items():
         if values.ndim == 1:

@@ -1,7 +1,7 @@
-"""A device as an FMU 3.0 for co-simulation: the C export inside, with numbers that may be set.
+"""A device as an FMU 3.0 for co-simulation: the C export with parameters that may be set.
 
-The archive holds the description, the sources with FMI's own headers, and, where a C compiler is at
-hand, the binary for this machine. fmpy brings the headers and builds the binary (with CMake).
+The archive has the description, the sources with FMI's headers and, if there is a C compiler, the
+binary for this machine. fmpy provides the headers and builds the binary (with CMake).
 """
 
 import io
@@ -38,14 +38,14 @@ EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive: the same device gi
 
 @dataclass(frozen=True)
 class Fmu(Exported):
-    """An FMU; body is its C source. description: of the model, as XML; name: its identifier."""
+    """An FMU. body: its C source; description: of the model, as XML; name: its identifier."""
 
     description: str = ""
     name: str = ""
 
     @cached_property
     def binary(self) -> tuple[str, bytes] | str:
-        """The library built for this machine and its path in the archive, or why there is none."""
+        """The path in the archive and the bytes of the library built here, or why there is none."""
         if os.name != "nt" and compiler() is None:
             return "there is no C compiler here (cc, gcc or clang)"
         with TemporaryDirectory() as folder:
@@ -55,7 +55,7 @@ class Fmu(Exported):
             return _built(root)
 
     def content(self, cost: str = "") -> bytes:
-        """Return the archive; cost: a sentence on how well it follows the device."""
+        """Return the archive's bytes; cost: a sentence on how well it matches the device."""
         stream = io.BytesIO()
         files = self._files(cost)
         if not isinstance(self.binary, str):
@@ -81,7 +81,7 @@ class Fmu(Exported):
 
 
 def fmu(device: Device, name: str, seed: int = 0) -> Fmu:
-    """Return a device as an FMU of this name. seed: of what happens at random.
+    """Return a device as an FMU of this name. seed: of random events.
 
     Raises ValueError without fmpy.
     """
@@ -116,9 +116,9 @@ def fmu(device: Device, name: str, seed: int = 0) -> Fmu:
 
 
 def run_fmu(content: bytes, commands: Floats, settings: dict[str, float] | None = None) -> Floats:
-    """Return what an FMU of ours measures under commands (ticks,), driven by fmpy.
+    """Return the measured positions of our own FMU under commands (ticks,), run by fmpy.
 
-    settings: parameters by name. Raises ValueError without fmpy; Exception as fmpy does.
+    settings: parameters by name. Raises ValueError without fmpy, and fmpy's exceptions.
     """
     fmpy = _module()
     with TemporaryDirectory() as folder:
@@ -153,7 +153,7 @@ def _driven(slave: Any, at: dict[str, int], commands: Floats, period: float) -> 
 
 
 def fmi() -> Any:
-    """Return fmpy's module; None where it is not installed."""
+    """Return the module fmpy; None if it is not installed."""
     try:
         return import_module("fmpy")
     except ImportError:
@@ -168,7 +168,7 @@ def _module() -> Any:
 
 
 def _built(root: Path) -> tuple[str, bytes] | str:
-    """Build the library in an unpacked FMU; return its path and bytes, or what went wrong."""
+    """Build the library in an unpacked FMU; return its path and bytes, or an error message."""
     cmake = shutil.which("cmake") or shutil.which("cmake", path=_folder_of_cmake())
     if cmake is None:
         return "there is no CMake here"
@@ -210,7 +210,7 @@ def _table(name: str, values: Sequence[float]) -> str:
 
 
 def _states(device: Device) -> list[Number]:
-    """Return positions and velocities, of extra modes too, in the kernel's order."""
+    """Return positions and velocities, including extra modes, in the kernel's order."""
     (_, length), n = units(device), device.plant().dof
     return [Number(f"position_m{i + 1}", 0.0, length) for i in range(n)] + [
         Number(f"velocity_m{i + 1}", 0.0, f"{length}/s") for i in range(n)
@@ -218,7 +218,7 @@ def _states(device: Device) -> list[Number]:
 
 
 def _constants(device: Device, settable: set[str]) -> list[Number]:
-    """Return the numbers of a device that its FMU shows and does not let be set."""
+    """Return the numbers of a device that its FMU shows as constants."""
     chain, face, (force, length) = device.chain, device.interface, units(device)
     mass = "kg m2" if device.rotary else "kg"
     spring, damper = f"{force}/{length}", f"{force} s/{length}"

@@ -1,8 +1,8 @@
-"""A device as an actuator of Isaac Lab: the Python that its robots' configurations are written in.
+"""A device as an actuator of Isaac Lab, in the Python of its robot configurations.
 
-`DelayedPDActuatorCfg` has a loop on the position, a limit of its effort and a delay in steps of the
-physics; the joint's own inertia and friction are written by PhysX. The names are those of Isaac Lab
-2.3, which 3.0 has, too.
+`DelayedPDActuatorCfg` has a loop on the position, a limit of the effort and a delay in physics
+steps; inertia and friction of the joint are PhysX properties. Names are as in Isaac Lab 2.3 and
+3.0.
 """
 
 import math

@@ -1,27 +1,27 @@
-"""The rigid rest of a robot as a known torque on one joint, by MuJoCo, from recorded positions.
+"""The torque of a robot's other rigid bodies on one joint, by MuJoCo, from recorded positions.
 
 Row j of M(q) q'' + c(q, q') + g(q) = tau is the torque that the arms need at joint j. The device of
-that joint has its own inertia, M_jj of the model's zero pose (`zwidth devices --from`), its damping
-and friction. Everything else acts on it as a force that follows from positions,
+that joint has its own inertia, M_jj in the model's zero pose (`zwidth devices --from`), damping and
+friction. Everything else acts on it as a force that is computed from positions,
 
     f = -(row_j - M_jj(0) q_j''),
 
 which contains gravity in the recorded posture, Coriolis and centrifugal forces, the coupled
 accelerations of the other joints, and the change of its own inertia in that posture. Velocities and
-accelerations are those of a smoothing spline through each joint's positions,
+accelerations are derivatives of a smoothing spline of each joint's positions,
 
     minimise  sum (q_k - s(t_k))^2 + lambda integral s''^2,
 
-with the lambda for which a spline through every other sample predicts the others best; for all
-samples it is doubled (P. Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
+with twice the lambda for which a spline through every other sample predicts the others best (P.
+Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
 
-Limits: arms are rigid, and joints that were not recorded stay in the zero pose. Gravity is that of
-the recorded posture, also in free runs that drift away from it. Accelerations are as accurate as
-the splines. For a motion of 1 Hz at 1 kHz they are within 5 % if the encoder's step is a thousandth
-of the amplitude. They are too small in the first and last hundredth of a recording, where the
-curvature of a spline goes to zero. The acceleration of the joint itself has the error of the
-measured position, too. Springs, dampers and friction of other joints are in their motion, which was
-recorded; tendons between joints are left out.
+Limits: arms are rigid, and joints that were not recorded stay in the zero pose. Gravity is computed
+in the recorded posture, also for free runs that drift away from it. Accelerations are as accurate
+as the splines: for a motion of 1 Hz at 1 kHz within 5 % if the encoder's step is a thousandth of
+the amplitude. They are too small in the first and last hundredth of a recording, where the
+curvature of a spline goes to zero. The acceleration of the joint itself also has the error of the
+measured position. Springs, dampers and friction of other joints are accounted for by their recorded
+motion; tendons between joints are left out.
 """
 
 import os
@@ -39,7 +39,7 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-FEWEST = 5  # samples of a spline
+FEWEST = 5  # samples of a spline, at least
 CHOSEN_BY = 4000  # samples, at most
 STRENGTHS = tuple(10.0**k for k in np.arange(-4.0, 10.1, 0.5).tolist())  # with time in samples
 
@@ -54,12 +54,13 @@ class KnownTorque(NamedTuple):
 def with_known_torque(
     trace: Trace, device: Device, path: str | os.PathLike[str], joint: str
 ) -> tuple[Trace, str]:
-    """Return a recording with what the rest of a robot does to a device as a known force, and why.
+    """Return the recording with the robot's torque added as a known force, and a sentence on it.
 
-    It acts on the last mass of the device, which is the arm, in addition to known forces of the
-    recording. The joint's position is that of this mass if it was recorded, else that of m1.
+    The torque is that of the rest of the robot. It acts on the last mass of the device, which is
+    the arm, in addition to known forces of the recording. The joint's position is the recorded one
+    of this mass, else of m1.
 
-    Raises ValueError as `known_torque`, and where no position of the joint was recorded.
+    Raises ValueError as `known_torque`, and if no position of the joint was recorded.
     """
     last = device.chain.masses.size
     places = [c for c in (f"position_m{last}", "position_m1", joint_channel(joint))
@@ -82,9 +83,9 @@ def known_torque(
 ) -> KnownTorque:
     """Return the torque on a joint of an MJCF or URDF model in the postures of a recording.
 
-    position: the channel of the joint itself; those of others are joint_NAME.
+    position: the channel of the joint itself; the channels of other joints are joint_NAME.
 
-    Raises ValueError for a file that is no model, a joint that is not there or is no slide or
+    Raises ValueError for a file that is not a model, a joint that is missing or not a slide or
     hinge, a [[joint]] of the recording that the model does not have, and without MuJoCo.
     """
     mujoco, model, index = joint_of(path, joint)
@@ -100,7 +101,7 @@ def known_torque(
             )
     moved = {names.index(channels[c]): c for c in asked} | {index: position}
     for i in moved:
-        joint_of(path, names[i])  # refuses a ball
+        joint_of(path, names[i])  # raises for a ball joint
     motions = {i: smooth_motion(trace.t, trace[c]) for i, c in moved.items()}
     torque = _inverse(mujoco, model, index, motions)
     others = [names[i] for i in moved if i != index]
@@ -114,8 +115,8 @@ def known_torque(
 def smooth_motion(t: Floats, position: Floats) -> tuple[Floats, Floats, Floats]:
     """Return position, velocity and acceleration (samples,) of a smoothing spline.
 
-    Samples that are not finite are left out of the spline, and interpolated by it; so are stamps
-    that do not rise. Raises ValueError for fewer than five.
+    Samples that are not finite, or whose stamps do not rise, are left out of the fit and
+    interpolated by the spline. Raises ValueError for fewer than five samples.
     """
     rising = np.concatenate(([True], np.diff(np.maximum.accumulate(t)) > 0.0))
     kept = rising & np.isfinite(position)
@@ -124,7 +125,7 @@ def smooth_motion(t: Floats, position: Floats) -> tuple[Floats, Floats, Floats]:
     if np.ptp(position[kept]) == 0.0:
         still = np.zeros(t.size)
         return np.full(t.size, position[kept][0]), still, still
-    unit = float(np.median(np.diff(t[kept])))  # of time, so that sums are of order one
+    unit = float(np.median(np.diff(t[kept])))  # unit of time, so that sums are of order one
     spline = make_smoothing_spline(
         t[kept] / unit, position[kept], lam=smoothness(t[kept] / unit, position[kept])
     )
@@ -134,7 +135,7 @@ def smooth_motion(t: Floats, position: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def smoothness(t: Floats, position: Floats) -> float:
-    """Return lambda of the spline through samples with a time in samples, from their middle."""
+    """Return lambda of the spline, for times in samples, from the middle of the recording."""
     middle = slice(max(0, t.size // 2 - CHOSEN_BY // 2), t.size // 2 + CHOSEN_BY // 2)
     t, position = t[middle], position[middle]
     if t.size < 4 * FEWEST:

@@ -1,6 +1,6 @@
-"""What formats of joints can describe: masses, dampers, springs, levels of dry friction.
+"""The mechanism that joint formats can describe: masses, dampers, springs, dry friction.
 
-Each effect is sorted here once: which part of it such a format can describe, and which it cannot.
+Each effect is divided here into the part that such a format can describe and the rest.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,10 +19,10 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Joints:
-    """A device in such words, SI; indices are masses, those of extra modes after the chain's.
+    """The part of a device that joints can describe, in SI; masses of extra modes come last.
 
-    dampers, springs: to ground (n,), and between (i, j); friction (n,); device: the described part,
-    as a device; lost: the rest, in sentences.
+    dampers, springs: to ground (n,), and between masses (i, j); friction (n,); device: the
+    described part, as a device; lost: the rest, in sentences.
     """
 
     device: Device
@@ -40,7 +40,7 @@ def _level(p: Physics) -> list[Physics]:
 
 
 def _mean(p: Physics) -> list[Physics]:
-    """Return its mean, and a constant force for the difference of its levels, which is exact."""
+    """Return friction of the mean level and a constant force for the difference, which is exact."""
     plus, minus = p.values["level_plus"], p.values["level_minus"]
     level = 0.5 * (plus + minus)
     viscous = 0.5 * (p.values["viscous_plus"] + p.values["viscous_minus"])
@@ -72,7 +72,7 @@ STRUCTURE = ("ground_spring", "extra_mode", "position_servo")
 
 
 def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
-    """Sort a device's mechanism and effects; also: further effects that the format can describe.
+    """Divide a device's mechanism and effects; also: further effects that the format has.
 
     Effects in `also` are returned in `others`; the interface is left to the format.
     """
@@ -86,7 +86,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
             simpler = make(p)
             whole = name == "directional_friction" and (
                 "constant_force" in also or p.values["level_plus"] == p.values["level_minus"]
-            )  # its levels; the rest of it is whole where its viscous sides are the same
+            )  # its levels; the rest is complete if both viscous sides are equal
             if not (whole and p.values["viscous_plus"] == p.values["viscous_minus"]):
                 lost.append(f"{label_of(p)}: {sentence.format(**p.values)}")
             constant += [s for s in simpler[1:] if "constant_force" in also]
@@ -96,7 +96,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
         elif name in ("coulomb_friction", *STRUCTURE, *also):
             kept.append(p)
         else:
-            lost.append(f"{label_of(p)} is not exported: the format has no words for it")
+            lost.append(f"{label_of(p)} is not exported: the format cannot describe it")
     for at in dict.fromkeys(p.at for p in constant):
         level = sum(p.values["level"] for p in constant if p.at == at)
         kept.append(make_physics("constant_force", at, level=level))
@@ -128,7 +128,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
 def interface_lost(device: Device, delay: bool, limit: bool, lost: list[str]) -> Device:
     """Add the parts of the interface that cannot be exported; return the device with the others.
 
-    delay, limit: whether the format holds them.
+    delay, limit: whether the format has them.
     """
     face = device.interface
     changes: dict[str, object] = {}

@@ -1,17 +1,17 @@
-"""A device as MJCF, MuJoCo's format: slides or hinges, links as tendons, the drive an actuator.
+"""A device as MJCF, MuJoCo's format: slides or hinges, links as tendons, an actuator as drive.
 
 A device limits its command after the gain, so the limit is written as a range of the force. Without
 dry friction MuJoCo integrates by the fourth-order Runge-Kutta method. With dry friction, which is a
 soft constraint there, it integrates implicitly; step and impedance are chosen so that a body held
 by friction creeps by a ten-thousandth.
 
-If a device states how much its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
-With the gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G
-u - D v for
+If a device states the damping D of its winding (`open_winding`), the drive is a `dcmotor`. With the
+gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G u - D v
+for
 
     K = D / G,    R = K / G,    inductance = lag R.
 
-Its back-EMF lags with the inductance, too, which a device's damper does not.
+The inductance delays the back-EMF too, which in the device is a damper without lag.
 """
 
 import math
@@ -64,7 +64,7 @@ def mjcf(device: Device, name: str) -> Exported:
 
 
 def _step(joints: Joints, held: Device, period: float) -> float:
-    """Return a timestep that divides the period and follows the fastest mode."""
+    """Return a timestep that divides the period and resolves the fastest mode."""
     fastest = float(np.abs(np.linalg.eigvals(held.plant().a)).max())
     longest = DRY_STEP if joints.friction.any() else STEP
     if fastest > 0.0:
@@ -131,9 +131,9 @@ def _body(joints: Joints, held: Device, i: int, step: float) -> str:
 
 
 def _pendulum(inertia: float, level: float, angle: float) -> str:
-    """An excentric mass of the same inertia about the axis: m g l = level, m l^2 a quarter of it.
+    """An eccentric mass with m g l = level and m l^2 a quarter of the inertia about the axis.
 
-    It hangs where the law is zero.
+    It hangs at rest where the law is zero.
     """
     if level == 0.0:
         return f'pos="0 0 0" mass="1" diaginertia="{inertia!r} {inertia!r} {inertia!r}"'
@@ -184,7 +184,7 @@ def _actuators(joints: Joints, held: Device, step: float) -> str:
         drive += f' resistance="{constant / gain!r}"'
         drive += f' inductance="{lag * constant / gain!r}"' if lag > 0.0 else ""
         drive += f' ctrlrange="{-limit / gain!r} {limit / gain!r}"' if math.isfinite(limit) else ""
-    elif lag > 0.0:  # the limit comes before the lag, and is then one of the command
+    elif lag > 0.0:  # the limit acts before the lag, so it limits the command
         drive += f' dyntype="filterexact" dynprm="{lag!r}"'
         drive += f' ctrlrange="{-limit / gain!r} {limit / gain!r}"' if math.isfinite(limit) else ""
     elif math.isfinite(limit):

@@ -13,7 +13,7 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
-SUBSTEPS = 4  # a tick, where forces or friction act inside it
+SUBSTEPS = 4  # per tick, if forces or friction act within it
 SECONDS = 2.0
 
 
@@ -21,9 +21,9 @@ SECONDS = 2.0
 class Exported:
     """A device in another format.
 
-    body: the file without the comment at its head; about: what the comment begins with; lost: a
-    sentence for everything of the device that the format does not hold; held: the device that the
-    file does describe; opening, closing: of a comment.
+    body: the file without the comment at its head; about: the beginning of that comment; lost: a
+    sentence for each part of the device that the format lacks; held: the device that the file does
+    describe; opening, closing: of a comment.
     """
 
     body: str
@@ -34,12 +34,12 @@ class Exported:
     closing: str = "-->"
 
     def text(self, cost: str = "") -> str:
-        """Return the file; cost: a sentence on how well it follows the device."""
+        """Return the file's text; cost: a sentence on how well it matches the device."""
         lines = [*self.about, "", "Not held here:"]
         lines += [f"  - {line}" for line in self.lost or ("nothing",)]
         if cost:
             lines += ["", cost]
-        # neither kind of comment may hold its own end
+        # a comment must not contain its own end
         said = "\n".join(lines).replace("--", "- -").replace("*/", "* /")
         return f"{self.opening}\n{said}\n{self.closing}\n{self.body}"
 
@@ -49,18 +49,18 @@ class Exported:
 
 
 def label_of(physics: Physics) -> str:
-    """Return how an effect is named to people: "backlash@link12"."""
+    """Return the label of an effect: "backlash@link12"."""
     return place_label(physics)
 
 
 def substeps_for(device: Device) -> int:
-    """Return how many substeps per tick an export of a device takes."""
+    """Return the number of substeps per tick of a device's export."""
     within = any(p.effect.hook in ("force", "friction") for p in device.physics)
     return enough_substeps(device, SUBSTEPS if within else 1)
 
 
 def free_run(device: Device, commands: Floats, seed: int = 0) -> Floats:
-    """Return what the encoder reads at the ticks of a run under commands (ticks,)."""
+    """Return the encoder's readings at each tick of a run under commands (ticks,)."""
     run = simulate(
         device, recorded(commands), duration=commands.size * device.interface.period,
         substeps=substeps_for(device), seed=seed,
@@ -69,9 +69,9 @@ def free_run(device: Device, commands: Floats, seed: int = 0) -> Floats:
 
 
 def loss(ours: Floats, theirs: Floats) -> float:
-    """Return the rms difference over the rms motion about its mean; inf where theirs is no number.
+    """Return the rms difference over the rms motion about its mean; inf if theirs is not finite.
 
-    A motion of zero is followed exactly (0), or not at all (inf).
+    Without any motion of ours the result is 0 if they are equal, else inf.
     """
     if ours.shape != theirs.shape or not np.all(np.isfinite(theirs)):
         return float("inf")
@@ -83,10 +83,10 @@ def loss(ours: Floats, theirs: Floats) -> float:
 
 
 def amplitude(device: Device) -> float:
-    """Return an rms command that moves a device: past what holds it, and within its limits.
+    """Return an rms command that moves a device: above its dry friction, within its limits.
 
-    Three times its dry friction, else the force that turns it by about a unit in the time. Raises
-    nothing.
+    It is three times the dry friction, else the force that moves the device by about one unit in
+    the time. Raises nothing.
     """
     held = 0.0
     for p in device.physics:

@@ -8,11 +8,11 @@ import numpy as np
 
 from zwidth.export.model import Floats
 
-FINE_STEP = 2e-5  # [s], where the format says nothing of steps
+FINE_STEP = 2e-5  # [s], if the format has no step
 
 
 def engine() -> Any:
-    """Return MuJoCo's module; None where it is not installed."""
+    """Return the module mujoco; None if it is not installed."""
     try:
         return import_module("mujoco")
     except ImportError:
@@ -20,7 +20,7 @@ def engine() -> Any:
 
 
 def run_mjcf(text: str, commands: Floats, period: float) -> Floats:
-    """Return what the encoder of an MJCF export reads under commands (ticks,), one per period [s].
+    """Return an MJCF export's encoder readings under commands (ticks,), one per period [s].
 
     Raises ImportError without MuJoCo, ValueError for a text that it refuses.
     """
@@ -35,9 +35,9 @@ def run_mjcf(text: str, commands: Floats, period: float) -> Floats:
 
 
 def run_urdf(text: str, commands: Floats, period: float, limit: float) -> Floats:
-    """Return the same of a URDF export, whose joint is driven by the command, its effort at most.
+    """Return the same for a URDF export, its joint driven by the command up to the effort limit.
 
-    Gravity is off, and dry friction as stiff as `zwidth.export.mjcf` makes it.
+    Gravity is off, and dry friction is as stiff as in `zwidth.export.mjcf`.
     """
     mujoco = import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(text)

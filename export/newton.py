@@ -1,7 +1,7 @@
 """A device as a USD stage for Newton: one body on a joint, and a `NewtonActuator` that drives it.
 
-Attributes are those of newton-usd-schemas. An actuator's are in radians, a joint's damping in
-degrees, as USD has it.
+Attributes are from newton-usd-schemas. An actuator's are in radians, a joint's damping in degrees,
+as in USD.
 """
 
 import math

@@ -1,7 +1,8 @@
-"""A joint of an MJCF or URDF model as a device: everything that hangs on it, in its zero pose."""
+"""A joint of an MJCF or URDF model as a device that moves all bodies beyond it, in zero pose."""
 
 import math
 import os
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,13 +24,13 @@ from zwidth.sim.physics.effect import Physics
 def device_of_joint(
     path: str | os.PathLike[str], joint: str, period: float = 0.001
 ) -> tuple[Device, list[str]]:
-    """Return a joint of a model as a device of one mass, and what of it that device leaves out.
+    """Return a joint of a model as a device of one mass, and sentences on what that leaves out.
 
-    The mass is the inertia about (or along) the joint of all that it moves, armature included, with
-    every other joint held in the model's zero pose. period [s]: of the sampled interface, of which
-    a model says nothing.
+    The mass is the inertia, about or along the joint, of all bodies that it moves, including the
+    armature, with every other joint fixed in the model's zero pose. period [s]: of the sampled
+    interface, which a model does not have.
 
-    Raises ValueError for a file that is no model, a joint that is not there or is no slide or
+    Raises ValueError for a file that is not a model, a joint that is missing or not a slide or
     hinge, and without MuJoCo, which reads both formats.
     """
     mujoco, model, index = joint_of(path, joint)
@@ -66,7 +67,7 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
     file = Path(path)
     if not file.is_file():
         raise ValueError(
-            f"model is {str(file)!r}, which is no file; give the MJCF or URDF file of the robot"
+            f"model is {str(file)!r}, which is not a file; give the MJCF or URDF file of the robot"
         )
     try:
         model = _model(mujoco, file)
@@ -79,16 +80,16 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
     index = names.index(joint)
     kind = int(model.jnt_type[index])
     if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-        raise ValueError(f"joint {joint!r} of {file} is a ball or free; a hinge or slide is needed")
+        raise ValueError(
+            f"joint {joint!r} of {file} is a ball or free joint; give a hinge or a slide"
+        )
     return mujoco, model, index
 
 
 def _model(mujoco: Any, file: Path) -> Any:
-    text = reading(file).read_text(encoding="utf-8")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # entities may unpack to gigabytes
-        raise ValueError("it declares a DOCTYPE or entities, which no model needs; take them out")
-    root = ElementTree.fromstring(text)
+    root = _parsed(file)
     if root.tag != "robot":
+        _check_included(root, file)
         try:
             return mujoco.MjModel.from_xml_path(str(file))
         except ValueError:
@@ -97,16 +98,51 @@ def _model(mujoco: Any, file: Path) -> Any:
                 raise
             text = ElementTree.tostring(root, encoding="unicode")
             return mujoco.MjModel.from_xml_string(text, bare)
-    for link in root.iter("link"):  # shapes are files of their own, and have no part in a motion
+    for link in root.iter("link"):  # shapes are separate files, and do not affect the motion
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
 
 
-def _without_shapes(root: ElementTree.Element, file: Path) -> dict[str, bytes] | None:
-    """Take meshes that are not there out of an MJCF model, where inertias do not come from them.
+def _parsed(file: Path) -> ElementTree.Element:
+    text = reading(file).read_text(encoding="utf-8")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # entities may unpack to gigabytes
+        raise ValueError(
+            f"{file.name} declares a DOCTYPE or entities, which no model needs; take them out"
+        )
+    return ElementTree.fromstring(text)
 
-    Returns the files of meshes that are there and stay; None where none can be taken out.
+
+def _check_included(root: ElementTree.Element, file: Path) -> None:
+    """Raise ValueError if a file that MuJoCo would open is a pipe, a device or a folder.
+
+    It looks for files from the folders of the models that are included, also by included ones, and
+    from those that a compiler element names.
+    """
+    folders, names, seen = {file.parent}, set[str](), {file.resolve()}
+    waiting = [root]
+    while waiting:
+        for part in waiting.pop().iter():
+            if part.tag == "compiler":
+                named = (part.get(key) for key in ("meshdir", "texturedir", "assetdir"))
+                folders |= {file.parent / folder for folder in named if folder}
+            names |= {name for key, name in part.attrib.items() if key.startswith("file")}
+            name = part.get("file") if part.tag in ("include", "model") else None
+            for path in () if name is None else {(f / name).resolve() for f in folders} - seen:
+                if path.is_file():
+                    seen.add(path)
+                    folders.add(path.parent)
+                    with suppress(ElementTree.ParseError):  # MuJoCo says it better, or reads it
+                        waiting.append(_parsed(path))
+    for name in sorted(names):
+        if any((folder / name).exists() and not (folder / name).is_file() for folder in folders):
+            raise ValueError(f"{name!r} is not an ordinary file; put one in its place")
+
+
+def _without_shapes(root: ElementTree.Element, file: Path) -> dict[str, bytes] | None:
+    """Remove missing meshes from an MJCF model if inertias do not depend on them.
+
+    Returns the files of the meshes that exist and stay; None if no mesh can be removed.
     """
     compiler = root.find("compiler")
     own = {} if compiler is None else compiler.attrib
@@ -160,7 +196,7 @@ def _effects(model: Any, index: int, dof: int, left_out: list[str]) -> list[Phys
 
 @dataclass(frozen=True)
 class _Actuator:
-    """What an actuator is to a joint: an interface, a loop on its position, a damper."""
+    """An actuator as seen from its joint: an interface, a loop on its position, a damper."""
 
     face: Interface
     drive: Drive | None = None
@@ -170,8 +206,8 @@ class _Actuator:
 def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list[str]) -> _Actuator:
     """Return gain, limit, delay and loop of the joint's actuator, if it has one.
 
-    force at the joint = gear (gain ctrl + b0 + b1 gear q + b2 gear v), which is a motor where all b
-    are zero, a loop on the position where b1 < 0, and one on the speed where b2 alone is.
+    force at the joint = gear (gain ctrl + b0 + b1 gear q + b2 gear v), which is a motor if all b
+    are zero, a loop on the position if b1 < 0, and a loop on the speed if only b2 is not zero.
     """
     nothing = _Actuator(Interface(period=period))
     joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
@@ -261,7 +297,7 @@ def _late(model: Any, i: int, face: Interface) -> Interface:
 
 
 def _delayed(mujoco: Any, model: Any, i: int, face: Interface, left_out: list[str]) -> Interface:
-    """Return an interface with the delay of an actuator, and say what its dynamics are."""
+    """Return an interface with the delay of an actuator, and append what is left out."""
     if int(model.actuator_dyntype[i]) != int(mujoco.mjtDyn.mjDYN_NONE):
         left_out.append(f"the dynamics of its actuator {model.actuator(i).name!r}")
     return _late(model, i, face)

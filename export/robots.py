@@ -1,7 +1,7 @@
 """A device as URDF or SDF: bodies and joints with damping and dry friction.
 
-A joint of URDF has no spring, so that a chain is one rigid body there. A joint of SDF has one, so a
-chain is a row of bodies, in which each joint is the link to the body before.
+A joint of URDF has no spring, so a chain becomes one rigid body. A joint of SDF has a spring, so a
+chain becomes a row of bodies, in which each joint is the link to the preceding body.
 """
 
 import math
@@ -17,7 +17,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
-FASTEST = 1e6  # a velocity that URDF must limit
+FASTEST = 1e6  # URDF requires a velocity limit
 
 
 def urdf(device: Device, name: str) -> Exported:
@@ -115,7 +115,7 @@ def _about(device: Device) -> tuple[str, ...]:
 
 
 def _mass(rotary: bool, mass: float, to: str) -> str:
-    """A body of this mass, or of this inertia about its axis and a mass of no account."""
+    """A body of this mass or, if rotary, of this inertia about its axis and a nominal mass."""
     inertia, weight = (mass, 1.0) if rotary else (1e-3 * mass, mass)
     if to == "urdf":
         same = " ".join(f'{axis}="{inertia!r}"' for axis in ("ixx", "iyy", "izz"))
@@ -125,7 +125,7 @@ def _mass(rotary: bool, mass: float, to: str) -> str:
 
 
 def _joint(joints: Joints, held: Device, i: int, j: int) -> str:
-    """The joint that carries mass j: on the world, or on mass i."""
+    """The joint that carries mass j, on the world or on mass i."""
     kind, axis = ("revolute", "0 0 1") if held.rotary else ("prismatic", "1 0 0")
     if i < 0:
         parent, label, friction = "world", "m1", float(joints.friction[0])

@@ -1,8 +1,8 @@
-"""Numbers of a device that an exported tick reads from its state, so that a run may set them.
+"""Numbers that an exported tick reads from its state, so that a run may set them.
 
-A law's own parameters and the numbers of the interface are not in any propagator, so a tick with
-`s->p[k]` in their place has the same bits as one with the numbers themselves. Masses, springs and
-dampers are in the propagators, and are constants.
+The parameters of laws and the numbers of the interface are not part of any propagator, so a tick
+with `s->p[k]` in their place gives the same bits as one with constants. Masses, springs and dampers
+are part of the propagators and remain constants.
 """
 
 import math
@@ -25,7 +25,7 @@ TABLES = {
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a device with its name, SI value, unit, bounds and what it is."""
+    """A number of a device: name, SI value, unit, bounds and description."""
 
     name: str
     value: float
@@ -42,10 +42,10 @@ class Rows(list[Any]):
 def settable(
     device: Device, eq: Equations, labels: Sequence[str]
 ) -> tuple[Equations, list[Number]]:
-    """Return equations in which what may be set is `s->p[k]`, and those numbers in the order of k.
+    """Return equations with `s->p[k]` for each settable number, and these numbers by k.
 
-    labels: of the effects whose parameters may be set ("backlash@link12"). Tables of points may
-    not: they must rise.
+    labels: of the effects whose parameters may be set ("backlash@link12"). Tables of points may not
+    be set, since they must rise.
     """
     found: list[Number] = []
 
@@ -74,7 +74,7 @@ def may_be_set(device: Device) -> list[str]:
 
 
 def _free(p: Physics, all_of: Sequence[Physics]) -> bool:
-    """Whether nobody else has a copy of an effect's parameters, as of a servo's limit."""
+    """Whether no other effect has a copy of an effect's parameters, as of a servo's limit."""
     if p.effect.hook not in TABLES or of_points(p.effect.parameters):
         return False
     copied = any("servo" in other.effect.borrows for other in all_of if other is not p)
@@ -93,7 +93,7 @@ def numbers_of(p: Physics, rotary: bool) -> list[Number]:
 
 
 def _of_interface(device: Device) -> list[Number]:
-    """Return what the interface has and a tick reads: its gain, limit and steps."""
+    """Return the interface's numbers that a tick reads: gain, limit and steps."""
     face, (force, length) = device.interface, units(device)
     found = [Number("interface.command_gain", face.command_gain, "", 1e-12, 1e12,
                     "force that a command of one makes")]  # fmt: skip

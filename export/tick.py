@@ -8,13 +8,13 @@ from zwidth.sim.lane_type import select
 
 @part
 def reading(eq, x):
-    """What the encoder reports now."""
+    """The present reading of the encoder."""
     return read_position(eq, x[eq.read])
 
 
 @part
 def sent(eq, tick, x, command, before):
-    """The command that the amplifier gets at this tick."""
+    """The command sent to the amplifier at this tick."""
     told = amplify(eq, fed_back(eq, x, command), before, False)
     return select(arrives(eq, tick), told, before)
 

@@ -1,9 +1,9 @@
 """Translation of compiled parts of the kernel from their own source to C.
 
-The source of a part is executed here: what is known of a device (its tables, sizes, numbers) keeps
-its value, and what is only known in a run becomes a C expression. Conditions and loops over known
-values are decided and unrolled; the rest is C without the branches that the device does not need.
-Sums keep their order, so a compiler that contracts nothing gives the bits of the kernel.
+The source of a part is evaluated: values fixed by the device (tables, sizes, numbers) are used as
+they are, and values known only in a run become C expressions. Conditions on fixed values are
+decided and loops over them unrolled, so the C has no branches that the device does not need. The
+order of sums is kept, so a compiler that does not contract operations gives the bits of the kernel.
 """
 
 import ast
@@ -32,7 +32,7 @@ COMPARISONS: dict[type[ast.cmpop], str] = {
 
 
 class Untranslatable(ValueError):
-    """A part whose source has no counterpart in C here."""
+    """The source of a part cannot be translated to C."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Array:
-    """An array in C, some of its indices given."""
+    """An array in C, with some of its indices fixed."""
 
     name: str
     shape: tuple[int, ...]
@@ -53,18 +53,18 @@ class Array:
 
     @property
     def size(self) -> int:
-        """How many numbers there are."""
+        """The number of elements."""
         return math.prod(self.shape)
 
 
 @dataclass
 class _Frame:
-    """A call that is being translated in place."""
+    """A call during its translation in place."""
 
     names: dict[str, Any]
     outer: Mapping[str, Any]
     number: int
-    depth: int = 0  # of conditions that only a run decides
+    depth: int = 0  # depth of conditions that only a run decides
     pinned: list[set[str]] = field(default_factory=list[set[str]])
     results: list[Value] | None = None
     many: bool = False
@@ -91,7 +91,7 @@ def _source(function: Callable[..., Any]) -> ast.FunctionDef:
 
 
 def literal(value: Any) -> str:
-    """Return a number as C writes it, to the bit."""
+    """Return a number as a C literal, exact to the bit."""
     if isinstance(value, np.unsignedinteger):
         return f"{int(value)}ULL"
     if isinstance(value, bool | np.bool_):
@@ -121,7 +121,7 @@ def _text(value: Any) -> str:
 
 
 class Translator:
-    """Translates calls of parts into the body of one C function."""
+    """Translates calls of kernel parts into the body of one C function."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -134,7 +134,7 @@ class Translator:
         self.lines.append("    " * self._indent + line)
 
     def body(self) -> list[str]:
-        """Return the declarations, and what was translated."""
+        """Return the declarations and the translated lines."""
         self._drop_unread()
         by_kind: dict[str, list[str]] = {}
         for name, kind in self.declared.items():
@@ -148,7 +148,7 @@ class Translator:
         return head + self.lines
 
     def _drop_unread(self) -> None:
-        """Leave out values that are computed and never used."""
+        """Remove values that are computed and never used."""
         while True:
             asked: set[str] = set()
             for line in self.lines:
@@ -166,7 +166,7 @@ class Translator:
             self.declared = {n: k for n, k in self.declared.items() if n not in unread}
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """Translate a call in place; return its value, known or of C.
+        """Translate a call in place; return its value, fixed or a C expression.
 
         Raises Untranslatable.
         """
@@ -193,7 +193,7 @@ class Translator:
         return value
 
     def held(self, value: Any, name: str = "t") -> Any:
-        """Return a value in a variable of its own, where only a run knows it."""
+        """Return a value in a C variable of its own, if it is known only in a run."""
         if not isinstance(value, Value):
             return value
         self._calls += 1
@@ -347,7 +347,7 @@ class Translator:
         return known
 
     def _unpin(self, frame: _Frame, known: set[str]) -> None:
-        """Forget what was known inside a branch only."""
+        """Forget the names known only inside a branch."""
         frame.pinned.pop()
         for name in set(frame.names) - known:
             if not isinstance(frame.names[name], Value):
@@ -479,7 +479,7 @@ def _known(op: type[ast.operator], a: Any, b: Any) -> Any:
 
 
 def select(into: Translator, condition: Any, yes: Any, no: Any) -> Any:
-    """Return yes where the condition holds, else no."""
+    """Return yes if the condition holds, else no."""
     if not isinstance(condition, Value):
         return yes if condition else no
     kinds = {_kind(yes), _kind(no)}

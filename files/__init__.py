@@ -1,1 +1,1 @@
-"""How files are written: whole or not at all, and never over a file that a user made."""
+"""Writing of files: whole or not at all, and never over a file that a user made."""

@@ -1,21 +1,21 @@
-"""Protection of files that a user made: what is read, who writes, what was written before.
+"""Protection of a user's files: records of inputs, of writers, and of earlier results.
 
-A file may be written if none exists there, or if it is an earlier result of the same writer that
-was not edited since (recognised by its SHA-256). `--force` of a command and `overwrite=True` of a
-function lift this, but never for inputs: a command does not overwrite what it has read (`reading`).
-A file counts as the same file whatever path, link or hard link leads to it.
+A file may be written if none exists there, if what exists is empty, or if it is an earlier result
+of the same writer that was not edited since (recognised by its SHA-256). `--force` of a command and
+`overwrite=True` of a function lift this, but never for inputs: a command does not overwrite what it
+has read (`reading`). All paths, links and hard links to a file count as the same file.
 
 A writer is a command, within its `command` block, or a public function called from Python, which
 declares this by `writing_as`; within a command, the command is the writer.
 
-What was written is kept beside it, in `.zwidth-results/NAME.json`:
+A note on each result is kept beside it, in `.zwidth-results/NAME.json`:
 
-    {"by": "zwidth devices", "sha256": [of what is put there, of the result that it replaces]}
+    {"by": "zwidth devices", "sha256": [of the new result, of the result that it replaces]}
 
-It is written before the result takes its place, and with both sums, so that a result is recognised
-even if the program is killed in between. Each result has a file of its own, so that programs that
-write into one folder do not lose each other's. If this note cannot be written, the result is
-written all the same.
+The note is written before the result is moved into place, and with both sums, so that a result is
+recognised even if the program is killed in between. Each result has its own note, so that programs
+that write into one folder do not lose each other's notes. If the note cannot be written, the result
+is written nevertheless.
 """
 
 import hashlib
@@ -34,20 +34,20 @@ RECORDS = ".zwidth-results"
 INPUT = "is an input"
 ANOTHER = "give another file to write"
 
-Identity = tuple[int, int]  # device and inode: the same by every path that leads to a file
+Identity = tuple[int, int]  # device and inode: the same for every path to a file
 
 
 class Protected(ValueError):
-    """A file that is not to be written over; the message says why, and what to do."""
+    """A file must not be overwritten; the message explains why, and what to do."""
 
 
 @dataclass
 class Writer:
-    """Who writes. inputs: what was read, and why it is protected; late: what came too late to stop.
+    """Who writes. inputs: files that were read, and why each is protected; late: late refusals.
 
-    late is None for functions, which refuse at once. A command declares early what it will write
-    (`check`). If a result is refused nevertheless when the work is done, it gets another name, the
-    other results are written, and the command ends with the message in `late`.
+    A command declares early what it will write (`check`). If a result is refused nevertheless when
+    the work is done, it gets another name, the other results are written, and the command ends with
+    the message in `late`. late is None for functions, which refuse at once.
     """
 
     name: str = "zwidth"
@@ -56,7 +56,7 @@ class Writer:
     late: list[str] | None = None
 
     def objection(self, path: Path) -> tuple[str, str] | None:
-        """Return why this writer may not write to a path and what to do instead, None if he may."""
+        """Return why this writer may not write to a path and what to do instead; None if it may."""
         place = path.resolve()  # where `replacing` writes: folder/../FILE, too, without that folder
         identity = _identity(place)
         if (
@@ -65,9 +65,9 @@ class Writer:
             return None
         if identity in self.inputs:
             return self.inputs[identity], ANOTHER
-        if self.overwrite:
+        if self.overwrite or place.stat().st_size == 0:  # an empty file holds nothing to protect
             return None
-        say = "say overwrite=True" if self.late is None else "say --force"
+        say = "use overwrite=True" if self.late is None else "use --force"
         remedy = f"give another name, move it away, or {say}"
         known = _record(place)
         if known.by != self.name:
@@ -77,9 +77,9 @@ class Writer:
         return None
 
     def put(self, draft: Path, path: Path, recorded: bool = True) -> None:
-        """Let a finished draft take its place at a path, or another name where that is protected.
+        """Move a finished draft to a path, or to another name if the path is protected.
 
-        Raises OSError, Protected for a function that may not write there.
+        Raises OSError; Protected if the writer is a function, which gets no other name.
         """
         place, objection = path.resolve(), self.objection(path)
         if objection is not None:
@@ -88,7 +88,7 @@ class Writer:
             _remember(self.name, draft, place)
         draft.replace(place)
         if objection is not None:
-            sentence = f"{path} {objection[0]}, so what was to stand there is in {place.name}"
+            sentence = f"{path} {objection[0]}, so the result is in {place.name} instead"
             if self.late is None:
                 raise Protected(sentence)
             self.late.append(sentence)
@@ -103,7 +103,7 @@ def writer() -> Writer:
 
 
 def reading(path: Path, why: str = INPUT) -> Path:
-    """Remember that a user's file is about to be read, and return it.
+    """Record that a user's file is about to be read, and return its path.
 
     why: what the file is, such as "is what rig.toml describes"; the first reason is kept.
     """
@@ -129,7 +129,7 @@ def check(*paths: Path) -> None:
 
 
 def begin(path: Path, own: bool = False) -> Writer:
-    """Return who is to write to a path; a function that may not is refused with Protected here.
+    """Return the writer for a path; raises Protected for a function that may not write there.
 
     own: the caller has made sure that the existing file is its own, so only inputs are protected.
     """
@@ -140,7 +140,7 @@ def begin(path: Path, own: bool = False) -> Writer:
 
 
 def force() -> None:
-    """Let the present command write over all but its inputs."""
+    """Let the present command overwrite all files except its inputs."""
     writer().overwrite = True
 
 
@@ -180,7 +180,7 @@ def writing_as(function: str, overwrite: bool = False) -> Generator[None]:
 def _identity(path: Path) -> Identity | None:
     try:
         known = path.stat()
-    except (OSError, ValueError):  # none there, or no name of a file: whoever opens it says so
+    except (OSError, ValueError):  # does not exist, or cannot: opening it reports the error
         return None
     return known.st_dev, known.st_ino
 
@@ -194,7 +194,7 @@ def _sha256(path: Path) -> str | None:
 
 
 def _free(path: Path) -> Path:
-    """Return NAME-2, NAME-3 ... beside a path, the first that is free."""
+    """Return the first free path among NAME-2, NAME-3, ... beside a path."""
     names = (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in count(2))
     return next(name for name in names if not name.exists())
 
@@ -209,7 +209,7 @@ def _record_file(path: Path) -> Path:
 
 
 def _record(path: Path) -> _Record:
-    """Return what is known of a result; by nobody where there is no record, or a damaged one."""
+    """Return the record of a result; it names no writer if the record is missing or damaged."""
     try:
         known = json.loads(_record_file(path).read_bytes())
         return _Record(str(known["by"]), tuple(map(str, known["sha256"])))
@@ -218,9 +218,9 @@ def _record(path: Path) -> _Record:
 
 
 def _remember(name: str, draft: Path, place: Path) -> None:
-    """Record a draft as the result that will stand at a place; the one that it replaces, too.
+    """Record a draft as the result that will be at a place, with the result that it replaces.
 
-    A file of the user's that --force replaces is no result.
+    A user's file that --force replaces is not a result.
     """
     known, standing = _record(place), _sha256(place)
     earlier = [standing] if known.by == name and standing in known.sha256 else []

@@ -1,4 +1,4 @@
-"""Write a result whole or not at all: a reader never sees half a file, and a full disk loses none.
+"""Write a result whole or not at all: no reader sees half a file, no full disk loses the old one.
 
 Nothing else in the package writes files, so this is where users' files are protected (see
 `protection`).
@@ -16,9 +16,10 @@ from zwidth.files import protection
 
 
 def check_folder(path: Path) -> None:
-    """Raise OSError unless files can be written into a folder, there or not.
+    """Raise OSError unless files can be written into the folder, whether or not it exists yet.
 
-    It tries, since permissions do not say what a file system does. It leaves nothing behind.
+    The check writes a file, since permissions do not show what a file system allows, and leaves
+    nothing behind.
     """
     missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
@@ -33,12 +34,13 @@ def check_folder(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path, wait: bool = True, own: bool = False) -> Generator[IO[bytes]]:
-    """Open a binary file that takes the place of `path` when the block ends without an error.
+    """Open a binary file that replaces `path` when the block ends without an error.
 
-    The old content of `path` stays until then, and after an error. Folders are created. A path that
-    is no plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the disk
-    has it, so that it is complete after a power cut, too. own: the caller has made sure that the
-    existing file is its own, and keeps track of it. Raises OSError; Protected for a user's file.
+    Until then, and after an error, `path` keeps its old content. Folders are created. A path that
+    is not a plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the file
+    is on the disk, so that it is complete even after a power cut. own: the caller has made sure
+    that the existing file is its own, and keeps track of it. Raises OSError; Protected for a user's
+    file.
     """
     writer = protection.begin(path, own)
     target = path.resolve()
@@ -53,7 +55,7 @@ def replacing(path: Path, wait: bool = True, own: bool = False) -> Generator[IO[
                 os.fsync(stream.fileno())
         if plain:
             writer.put(draft, path, recorded=not own)
-    except OSError as error:  # in the words of the caller: the draft's name says nothing to him
+    except OSError as error:  # with the caller's path: the draft's name means nothing to the user
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         if plain:

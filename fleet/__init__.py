@@ -1,1 +1,1 @@
-"""Many recordings at once: what is the same in all, what differs, and what it follows."""
+"""Many recordings at once: which parameters are shared, which differ, and what they depend on."""

@@ -1,13 +1,12 @@
-"""One answer for many recordings, in the order in which it is found.
+"""One answer for many recordings, computed in these steps.
 
 1. The structure: which effects the devices have, from a few informative recordings (`structure`).
-2. A quick fit of it to every recording, as independent tasks (`quick`, `jobs`), each kept.
-3. Which are unlike the others (`odd`), and what changed over the dates (`history`): what a change
-   explains is not odd.
-4. Why the remaining ones are odd: which fault, if corrected, makes a recording like the others
-   (`reasons`).
-   They are not used in what follows.
-5. Which parameters are shared, per device or per run, and which follow a known column (`spread`).
+2. A quick fit of the structure to every recording, as independent tasks (`quick`, `jobs`), each
+stored. 3. Which recordings are unlike the others (`odd`), and what changed over the dates
+(`history`): a recording that a change explains is not odd. 4. Why the remaining ones are odd: which
+fault, if corrected, makes a recording like the others (`reasons`). Odd recordings are not used in
+step 5. 5. Which parameters are shared, per device or per run, and which depend on a known column
+(`spread`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,10 +36,10 @@ from zwidth.jobs.executor import Executor, Local
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-LOOKED_AT = 40  # recordings among which informative ones are looked for
-SEARCHED = 4  # of them, that the structure is sought in
-OWN_ERRORS = 1.5  # times, that errors may be too small by before repeats differ by themselves
-EACH = 8  # recordings of a task
+LOOKED_AT = 40  # recordings among which informative ones are sought
+SEARCHED = 4  # of them, in which the structure is sought
+OWN_ERRORS = 1.5  # ratio of scatter to errors, above which repeats differ by themselves
+EACH = 8  # recordings per task
 Advance = Callable[[str, int, int], None]
 
 
@@ -66,10 +65,11 @@ def diagnose_fleet(
 ) -> Fleet:
     """Diagnose many recordings of devices that are alike.
 
-    device: what is known about them; work: folder that keeps results, so that a rerun continues and
-    a new recording costs only itself; runner: where tasks run, None for here; effort: of the search
-    for the structure; advance: called with the stage, how many are done, and of how many. Raises
-    ValueError if fewer than three recordings can be used, or the device predicts none.
+    device: what is known about the devices; work: folder that stores results, so that a rerun
+    continues and only new recordings are fitted; runner: executes the tasks, None: this process;
+    effort: of the search for the structure; advance: called with the stage, how many are done, and
+    of how many. Raises ValueError if fewer than three recordings can be used, or the device
+    predicts none of them.
     """
     runner = Local() if runner is None else runner
     kept = Kept(work, device, effort)
@@ -124,7 +124,7 @@ def diagnose_fleet(
 
 @dataclass(frozen=True)
 class _Every:
-    """All recordings that were fitted. days: nan where unknown."""
+    """All fitted recordings. days: nan where unknown."""
 
     quicks: list[Quick]
     devices: list[str]
@@ -215,7 +215,7 @@ def _structure(
 def _changes(
     every: _Every, names: Sequence[str], course: Sequence[Course], odd: Mapping[int, Odd]
 ) -> list[Change]:
-    """What changed over the dates, of recordings that the structure explains."""
+    """Changes over the dates, among recordings that the structure explains."""
     sound = np.array([k not in odd or not odd[k].fits_badly for k in range(len(every.quicks))])
     asked = len(names) * (len(set(every.devices)) + 1)
     devices = [d for d, good in zip(every.devices, sound, strict=True) if good]
@@ -236,7 +236,7 @@ def _beside(
     odd: Mapping[int, Odd],
     changed: Sequence[Change],
 ) -> dict[int, Odd]:
-    """The odd recordings besides those explained by changes, which are removed first."""
+    """The recordings that are odd after the changes are removed from their values."""
     if not changed:
         return dict(odd)
     values = np.column_stack([every.unchanged(k, n, changed) for k, n in enumerate(names)])
@@ -260,13 +260,14 @@ def _reasons(
     runner: Executor,
     advance: Advance,
 ) -> dict[int, Reason]:
-    """Why recordings are odd, by place among those that were fitted."""
+    """Why recordings are odd, by index among the fitted ones."""
     noise = float(np.median([q.noise for q in every.quicks]))
     questions: dict[int, Question] = {}
     of_device = places_by(every.devices)
     for k, one in odd.items():
         listed = recordings[usable[k]]
-        # A device's own values are expected of its recordings, where the others are no odd ones.
+        # A recording is expected to have its device's own values if the others of that device are
+        # not odd.
         own = of_device[listed.device].tolist()
         mates = [j for j in own if j != k and j not in odd]
         expected = np.array([c.expected[k] for c in course])
@@ -297,7 +298,7 @@ def _reasons(
 
 
 def _repeats(off: Floats, errors: Floats, devices: Sequence[str]) -> float:
-    """How many times farther recordings of one device scatter than their errors say."""
+    """Scatter of recordings of one device, over their estimated errors."""
     total, free = 0.0, 0
     for own in places_by(devices).values():
         mine = own[np.isfinite(errors[own]) & (errors[own] > 0.0)]

@@ -1,4 +1,4 @@
-"""Which recordings are of which device: once for all, since fleets have thousands of both."""
+"""Grouping of recordings by device in one pass, since fleets have thousands of both."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ Places = NDArray[np.intp]
 
 
 def places_by(names: Sequence[str]) -> dict[str, Places]:
-    """Return the places of each name, in the order in which names are met first."""
+    """Return the indices of each name, in the order of first occurrence."""
     found: dict[str, list[int]] = {}
     for place, name in enumerate(names):
         found.setdefault(name, []).append(place)

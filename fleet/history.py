@@ -1,24 +1,24 @@
-"""What changed over time, when, and on which device: steps and drifts over the dates.
+"""Changes over time: steps and drifts of parameters over the dates, and on which device.
 
 Recordings of one device at dates t_j give values y_j of one parameter with deviations s_j (their
 errors, and the scatter of repeats). A constant value is compared with
 
     step:  y = a + b [t >= t_k],            drift:  y = a + b max(0, t - t_0) / (t_end - t_0),
 
-each by weighted least squares, with the gain in chi-square. The penalty is for its amount (2 ln of
-its range over its error - ln 2 pi), and for all parameters, devices, shapes and dates that were
-tried; the gain must exceed it by 2 ln (1 / ALPHA). The interval of a step contains the dates that
-cost at most 7.35 more than the best (Hansen, Econometrica 68, 2000), that of the beginning of a
-drift those that cost at most 3.84 more. A change of all devices together is sought in the same way,
-with each device's own mean subtracted.
+each fitted by weighted least squares; the gain is the decrease of chi-square. The penalty has a
+term for the amount of the change (2 ln of its range over its error - ln 2 pi) and one for all
+parameters, devices, shapes and dates that were tried; the gain must exceed the penalty by 2 ln (1 /
+ALPHA). The 95 % interval of a step contains the dates that cost at most 7.35 more than the best
+(Hansen, Econometrica 68, 2000); for the beginning of a drift the limit is 3.84. A change of all
+devices together is sought in the same way, with each device's own mean subtracted.
 
-One recording that is off, for whatever reason, also looks like a step or a drift. So a change must
-cost less than a model in which one recording has a value of its own and the others are constant:
-without it, the weighted squares about the mean are smaller by w_i (y_i - mean)^2 / (1 - w_i / sum
-w), and the penalty is for its amount and for which recording it is.
+A single outlier also looks like a step or a drift. So a change must cost less than a model in which
+one recording has its own value and the others are constant: without that recording the weighted
+squares about the mean are smaller by w_i (y_i - mean)^2 / (1 - w_i / sum w), and the penalty is for
+the amount and for the choice of the recording.
 
-Limits: one change of a parameter and device; a step needs two recordings on either side, since one
-alone would be an outlier. Of more than 200 dates every second, third ... is tried.
+Limits: one change per parameter and device; a step needs two recordings on either side, since one
+alone would be an outlier. Of more than 200 dates only every second, third, ... is tried.
 """
 
 import math
@@ -31,24 +31,25 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.fleet.grouping import places_by
+from zwidth.shown import Valued
 
 Floats = NDArray[np.float64]
 STEP, DRIFT = "step", "drift"
-FEWEST = 4  # dated recordings
+FEWEST = 4  # dated recordings, at least
 SIDE = 2  # recordings on either side of a step
 DATED, BEGUN = -2.0 * math.log(1.0 - math.sqrt(0.95)), 3.84
-DATES = 200  # at which a change may begin
+DATES = 200  # dates at which a change may begin, at most
 BELIEVED = 2.0 * math.log(1.0 / ALPHA)
 ALL = "all devices"
 
 
 @dataclass(frozen=True)
-class Change:
-    """A parameter of a device that did not stay the same, in the unit of the parameter.
+class Change(Valued):
+    """A change of a parameter of a device, in the parameter's unit.
 
     at: days since 1970 of a step, or of the beginning of a drift; between: its 95 % interval.
-    before, after: values before, and at the last date; error: of their difference; gained: in
-    chi-square, all paid.
+    before, after: values before the change and at the last date; error: of their difference;
+    gained: gain in chi-square less all penalties.
     """
 
     device: str
@@ -62,7 +63,7 @@ class Change:
     gained: float
 
     def share(self, day: Floats, end: float) -> Floats:
-        """Return the share of a change that had happened at these days; `end`: the last one."""
+        """Return the share of the change that had happened by each day; end: the last day."""
         if self.shape == STEP:
             return (day >= self.at).astype(np.float64)
         return np.clip((day - self.at) / max(end - self.at, 1e-9), 0.0, 1.0)
@@ -82,7 +83,7 @@ def changes(
     scatter: float,
     asked: int,
 ) -> list[Change]:
-    """Return what changed of a parameter: of each device, and of all together.
+    """Return the changes of a parameter: on single devices, and on all together.
 
     days, values, errors (n,); scatter: of repeats beyond their errors; asked: how many parameters
     and devices are tried in total.
@@ -118,7 +119,7 @@ def _changed(
     day, y, s = day[order], y[order], s[order]
     every = np.unique(day)
     size = max(float(np.ptp(y)), abs(float(np.median(y))))
-    before = np.searchsorted(day, every[1:])  # how many recordings a step has before it
+    before = np.searchsorted(day, every[1:])  # number of recordings before each possible step
     steps = every[1:][(before >= SIDE) & (before <= y.size - SIDE)]
     if steps.size > DATES:
         steps = steps[np.linspace(0, steps.size - 1, DATES).round().astype(int)]
@@ -137,7 +138,7 @@ def _changed(
         gained = min(flat, _one_off(y, s, size, asked)) - float(costs[i]) - price
         near = np.flatnonzero(costs <= costs[i] + (DATED if shape == STEP else BEGUN))
         between = float(times[near[0]]), float(times[near[-1]])
-        if shape == STEP:  # it came between two recordings
+        if shape == STEP:  # the step was between two recordings
             between = float(day[day < between[0]].max()), between[1]
         else:
             apart = float(day[-1] - day[0]) / DATES
@@ -160,7 +161,7 @@ def _one_off(y: Floats, s: Floats, size: float, asked: int) -> float:
 
 
 def _columns(shape: str, day: Floats, at: Floats) -> Floats:
-    """How much of a change has come about on each day, for each time that it may begin at."""
+    """Share of a change that has happened by each day, for each possible beginning."""
     if shape == STEP:
         return (day >= at[:, None]).astype(np.float64)
     return np.maximum(0.0, day - at[:, None]) / (day[-1] - at[:, None])
@@ -169,7 +170,8 @@ def _columns(shape: str, day: Floats, at: Floats) -> Floats:
 def _fits(y: Floats, s: Floats, columns: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
     """Weighted straight lines over each column (times, n).
 
-    Returns chi-square without any, then (times,) each: chi-square, value before, amount, its error.
+    Returns chi-square of a constant, then, each (times,): chi-square, value before, amount of
+    change and error of the amount.
     """
     w = 1.0 / s**2
     mean, means = float(w @ y) / w.sum(), columns @ w / w.sum()

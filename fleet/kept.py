@@ -1,12 +1,12 @@
-"""What was found of recordings, kept under the content of each: nothing is done twice.
+"""A store of results, keyed by the content of each recording, so that no work is repeated.
 
-    WORK/structure.json     the structure, how many recordings it was sought among, of which device
+    WORK/structure.json the structure, the number of recordings at its search, its device
     WORK/fits/KEY.json      the quick fit of a recording
-    WORK/reasons/KEY.json   why a recording is odd, and against what it was asked
+    WORK/reasons/KEY.json why a recording is odd, and the expected values used
 
 A key depends on the recording's bytes, the structure and the code, so only recordings that are new
-or have changed are fitted. The structure is sought again if the device, the effort or the code is
-another one, and when there are twice as many recordings.
+or have changed are fitted. The structure is sought again if the device, the effort or the code has
+changed, or if there are twice as many recordings.
 """
 
 import hashlib
@@ -27,8 +27,8 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text
 
 DAMAGED = (OSError, ValueError, KeyError, TypeError)
-GROWN = 2.0  # times as many recordings, for which a structure is sought anew
-MOVED = 0.5  # deviations that what is expected may move by, under which a reason stands
+GROWN = 2.0  # times as many recordings: the structure is sought again
+MOVED = 0.5  # deviations by which expected values may move while a stored reason stays valid
 
 
 def digest(*words: str) -> str:
@@ -37,7 +37,7 @@ def digest(*words: str) -> str:
 
 
 class Kept:
-    """The folder of a fleet's work; one that was made for it, or that is not there yet."""
+    """The folder of a fleet's results: made for this purpose, or not existing yet."""
 
     def __init__(self, folder: Path, device: Device, effort: str) -> None:
         self.folder = folder
@@ -47,7 +47,7 @@ class Kept:
             raise ValueError(f"{folder} holds other files; choose another folder with --out")
 
     def structure(self, recordings: int) -> Structure | None:
-        """Return the structure that is known, None where it is to be sought."""
+        """Return the stored structure, None if it must be sought (again)."""
         found = self._read(self.folder / "structure.json")
         try:
             same = found["asked"] == self.asked
@@ -58,7 +58,7 @@ class Kept:
             return None
 
     def keep_structure(self, structure: Structure, recordings: int) -> None:
-        """Keep a structure."""
+        """Store a structure."""
         value = {
             "asked": self.asked,
             "recordings": recordings,
@@ -67,23 +67,23 @@ class Kept:
         write_text(self.folder / "structure.json", json.dumps(value), own=True)
 
     def key(self, content: str, structure: Structure) -> str:
-        """Return the key of a recording of that content."""
+        """Return the key of a recording with that content."""
         return digest(content, structure.to_json(), self.asked)
 
     def fit(self, key: str, name: str) -> Quick | None:
-        """Return a quick fit, under the name that the recording has now."""
+        """Return a stored quick fit, with the present name of the recording."""
         try:
             return from_arrays({**self._read(self.folder / "fits" / f"{key}.json"), "name": name})
         except DAMAGED:
             return None
 
     def keep_fit(self, key: str, found: Quick) -> None:
-        """Keep a quick fit."""
+        """Store a quick fit."""
         text = json.dumps(_plain(to_arrays(found)))
         write_text(self.folder / "fits" / f"{key}.json", text, own=True)
 
     def reason(self, key: str, question: Question) -> Reason | None:
-        """Return a reason, unless the expected values of the recording have changed since."""
+        """Return a stored reason, unless the recording's expected values have changed since."""
         found = self._read(self.folder / "reasons" / f"{key}.json")
         try:
             moved = (np.array(found["expected"]) - question.expected) / question.spread
@@ -95,7 +95,7 @@ class Kept:
             return None
 
     def keep_reason(self, key: str, question: Question, found: Reason) -> None:
-        """Keep a reason."""
+        """Store a reason."""
         value = {**vars(found), "name": question.name, "expected": question.expected.tolist()}
         text = json.dumps(_plain(value))
         write_text(self.folder / "reasons" / f"{key}.json", text, own=True)
@@ -108,7 +108,7 @@ class Kept:
 
 
 def _plain(value: Mapping[str, object]) -> dict[str, object]:
-    """JSON has no infinity: an error that is infinite is written as -1, a gain as null."""
+    """Values for JSON, which has no infinity: an infinite error is -1, an infinite gain null."""
     found = dict(value)
     if "errors" in found:
         found["errors"] = [

@@ -1,4 +1,4 @@
-"""Which recordings a fleet has, and what is known of each: a folder, or a table.
+"""The recordings of a fleet and the known values of each, from a folder or a table.
 
 A table is a CSV with a line for each recording,
 
@@ -6,12 +6,12 @@ A table is a CSV with a line for each recording,
     d01/monday.csv,d01,2026-03-02,0.5,21.5
 
 or a TOML with `[[recording]]` tables of the same keys (`file` for `recording`). Only the file is
-required. `device` (or `unit`) says of which device it is; without it all are of one. `date` is ISO
-8601. Every other column of numbers is a known value that parameters may scale with.
+required. `device` (or `unit`) is the recorded device; without it all recordings are of one device.
+`date` is ISO 8601. Every other column of numbers has known values that parameters may depend on.
 
-A folder is read through its table where it has one (`fleet.csv`, `fleet.toml`); else every
-recording in it counts: recording TOMLs, logs, and files of data that no TOML describes. A subfolder
-is a device, and a date is taken from a file's name (`2026-03-02` in it).
+If a folder has a table (`fleet.csv`, `fleet.toml`), that lists its recordings. Otherwise every
+recording in the folder is used: recording TOMLs, logs, and data files that no TOML describes. Each
+subfolder is a device, and a date is read from the file's name (`2026-03-02` in it).
 """
 
 import csv
@@ -57,7 +57,7 @@ class Listed(Valued):
 
 
 def is_fleet(path: Path) -> bool:
-    """Whether a path is a folder or a table of recordings, and no recording itself."""
+    """Whether a path is a folder or a table of recordings, and not itself a recording."""
     if path.is_dir():
         return not is_bag(path)
     if path.suffix.lower() not in (".csv", ".toml") or not path.is_file():
@@ -74,7 +74,7 @@ def is_fleet(path: Path) -> bool:
 
 
 def listed(path: Path) -> list[Listed]:
-    """Return the recordings of a folder or a table, in order of their names.
+    """Return the recordings of a folder or a table, sorted by name.
 
     Raises ValueError with one sentence: no recording, one that is missing or listed twice, or an
     invalid value or date.
@@ -98,16 +98,16 @@ def _of_rows(path: Path, rows: Sequence[Mapping[str, object]]) -> list[Listed]:
 
 
 def listed_rows(rows: Sequence[Mapping[str, object]], folder: Path) -> list[Listed]:
-    """Return the recordings of rows as a table has them, with paths from a folder on.
+    """Return the recordings of a table's rows; folder: what relative paths start from.
 
     Raises ValueError as `listed`.
     """
-    table = folder / "recordings"  # by which a sentence calls it
+    table = folder / "recordings"  # how a message calls the row
     return _of_rows(table, rows)
 
 
 def columns_of(every: Sequence[Listed]) -> tuple[dict[str, list[float]], list[str]]:
-    """Return the values of each column that all recordings have, and the names of the others."""
+    """Return the values of the columns that all recordings have, and the other columns' names."""
     names = list(dict.fromkeys(name for one in every for name in one.known))
     whole = [name for name in names if all(name in one.known for one in every)]
     return {n: [one.known[n] for one in every] for n in whole}, [n for n in names if n not in whole]
@@ -213,15 +213,17 @@ def _listed(table: Path, place: int, row: Mapping[str, object]) -> Listed:
 
     file = given(FILE)
     if not isinstance(file, str):
-        raise ValueError(f"{at} names no file; give it under 'recording'")
+        raise ValueError(f"{at} has no file; give it under 'recording'")
     path = table.parent / file.strip()
     if not path.is_file():
-        raise ValueError(f"{at} is {file!r}, which is not there; correct it, or take it out")
+        raise ValueError(f"{at} is {file!r}, which does not exist; correct it, or take it out")
     when, device = given(DATE), given(DEVICE)
     try:
         dated = _date_in(path.stem, path) if when is None else _date(when)
     except ValueError:
-        raise ValueError(f"{at} has date {when!r}; allowed is ISO 8601, 2026-03-02") from None
+        raise ValueError(
+            f"{at} has date {when!r}; write it as ISO 8601, such as 2026-03-02"
+        ) from None
     known: dict[str, float] = {}
     for key, value in row.items():
         if key.lower() in (*FILE, *DEVICE, *DATE):
@@ -231,7 +233,7 @@ def _listed(table: Path, place: int, row: Mapping[str, object]) -> Listed:
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
-            raise ValueError(f"{at} has {key!r} of {value!r}; allowed is a finite number")
+            raise ValueError(f"{at} has {key!r} of {value!r}; it must be a finite number")
         known[key] = number
     name = Path(file.strip()).with_suffix("").as_posix()
     return Listed(name, path, ONLY if device is None else str(device).strip(), dated, known)

@@ -1,20 +1,21 @@
-"""Which recordings are unlike the others: in what they say of the device, or in how badly they fit.
+"""Find recordings that are unlike the others: in a parameter, or in how badly they fit.
 
-For each parameter the course of the fleet is found robustly: a line over the known columns by
-iterated weights (Tukey's biweight: Huber & Ronchetti, Robust Statistics, 2nd ed., 7), on which
+For each parameter the course of the fleet is fitted robustly: linear in the known columns, with
+iterated weights (Tukey's biweight: Huber & Ronchetti, Robust Statistics, 2nd ed., 7), so that
 recordings far from it have no influence. A recording is odd in a parameter if
 
     |y_i - f(columns_i)| > t sqrt(s_i^2 + tau^2),
 
 where tau is the scatter of recordings beyond their errors (from their median absolute deviation),
-and t the quantile of Student's t that one of all tests exceeds by chance with probability ALPHA.
-The same test is made within each device, about its own median, if it was recorded three times. A
-recording fits badly if its noise, or the error of its free runs, is equally far from the others'.
-It also fits badly if free runs err more than it moves, and others' do not: then nothing in it is
-explained, and its parameters do not show this, because their errors are large.
+and t the quantile of Student's t for which, by chance, any of all tests exceeds it with probability
+ALPHA. The same test is made within each device that was recorded at least three times, about its
+own median. A recording fits badly if its noise, or the error of its free runs, is equally far from
+the others'. It also fits badly if the error of its free runs exceeds its motion, unless this is so
+for the others too: then the structure explains nothing in it, which its parameters do not show
+because their errors are large.
 
-Limits: most of a fleet must be sound. In a device of three recordings one can be found odd, in one
-of two none.
+Limits: most of a fleet must be sound. Of three recordings of a device one can be found odd, of two
+none.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,25 +29,26 @@ from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.fleet.grouping import places_by
 from zwidth.fleet.quick import Quick
 from zwidth.fleet.switched_off import LOST
+from zwidth.shown import Valued
 
 Floats = NDArray[np.float64]
 BIWEIGHT = 4.685  # deviations beyond which a recording has no weight
 TURNS = 30
-MAD = 1.4826  # of a normal distribution: deviation over median absolute deviation
-ROWS = 5  # recordings a column, at least
-NO_MATTER = 0.01  # of a parameter, by which one that is off is no matter
-NOISE, FREE = 0.15, 0.3  # of ln of noise and of free runs, that recordings scatter by at least
-HELD = 0.05  # of a recording, for which a sound reading never stands still
-LOST_TIMES = 3.0  # times the others' error, from which it is not the structure that is wrong
-FEWEST = 3  # recordings of a device that are asked about each other
+MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+ROWS = 5  # recordings per column, at least
+NO_MATTER = 0.01  # of a parameter: a smaller deviation does not matter
+NOISE, FREE = 0.15, 0.3  # least scatter of ln noise and ln free-run error between recordings
+HELD = 0.05  # of a recording: a sound reading never stands still for so long
+LOST_TIMES = 3.0  # times the others' error: above, the recording is wrong, not the structure
+FEWEST = 3  # recordings of a device, at least, that are compared with each other
 THEM, OWN, NOISE_OFF, FREE_OFF, STILL = "parameter", "within", "noise", "free run", "still"
 
 
 @dataclass(frozen=True)
 class Course:
-    """What the fleet says of a parameter: expected (n,) for each recording.
+    """The course of a parameter over the fleet: the value expected (n,) of each recording.
 
-    tau: scatter of recordings beyond their errors; within: the same inside devices.
+    tau: scatter of recordings beyond their errors; within: the same within devices.
     """
 
     expected: Floats
@@ -55,19 +57,19 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Odd:
+class Odd(Valued):
     """Why a recording is unlike the others: (kind, parameter or "", sigma) of each reason."""
 
     signs: tuple[tuple[str, str, float], ...]
 
     @property
     def fits_badly(self) -> bool:
-        """Whether the structure does not explain it, whatever its parameters."""
+        """Whether the structure does not explain the recording with any parameters."""
         return any(kind in (NOISE_OFF, FREE_OFF, STILL) for kind, _, _ in self.signs)
 
     @property
     def parameters(self) -> list[str]:
-        """The parameters in which it is odd, the farthest first."""
+        """The parameters in which the recording is odd, the farthest first."""
         own = sorted((s for s in self.signs if s[1]), key=lambda s: -s[2])
         return list(dict.fromkeys(name for _, name, _ in own))
 
@@ -120,7 +122,7 @@ def _within(off: Floats, s: Floats, devices: Sequence[str]) -> float:
     for every in places_by(devices).values():
         mine = every[np.isfinite(s[every])]
         if mine.size >= 2:
-            # One that follows another: a drift of years makes no scatter of it.
+            # From differences of consecutive recordings, to which a drift over years adds little.
             about += (np.diff(off[mine]) / np.sqrt(2.0)).tolist()
             error += s[mine].tolist()
     if not about:
@@ -132,7 +134,7 @@ def _within(off: Floats, s: Floats, devices: Sequence[str]) -> float:
 def odd_ones(
     quicks: Sequence[Quick], names: Sequence[str], devices: Sequence[str], found: Sequence[Course]
 ) -> dict[int, Odd]:
-    """Return the recordings that are unlike the others, by place; quicks: all that were fitted."""
+    """Return the recordings that are unlike the others, by index; quicks: all fitted recordings."""
     n, q = len(quicks), len(names)
     asked = n * (2 * q + 3)
     t = float(student.isf(ALPHA / (2.0 * asked), max(3, n - 1)))

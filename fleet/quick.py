@@ -1,8 +1,8 @@
-"""One recording fitted with the fleet's structure: its own parameters, and how well they fit.
+"""Fit of one recording with the fleet's structure: its own parameters, and how well they fit.
 
-A descent from the typical device (`settled`: fit and noise in turn), which takes some tenths of a
-second for 600 samples. Estimates are independent of the prior: with posterior variance v of x under
-a unit prior about 0, the recording alone gives
+The fit descends from the typical device (`settled`: fit and noise in turn), in some tenths of a
+second for 600 samples. The influence of the prior is removed from the estimates: if x has the
+posterior variance v under a unit prior about 0, the recording alone gives
 
     1 / s^2 = 1 / v - 1,    y = x s^2 / v,
 
@@ -31,6 +31,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.structure import Structure
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -41,23 +42,23 @@ NUISANCE = (
     "skew",
     "gain",
     "change",
-)  # of a run, and no parameter of a device
-QUIET = 0.05  # of what a command goes through, within which it stands still
-STARTS, JUMPS = 6, 2.0  # samples of setting out, and how often their steps what is no jump
-DRAWN = 160  # points of a recording that are kept to be drawn
-UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing of a parameter
+)  # parameters of a run, not of a device
+QUIET = 0.05  # of a command's range: within it the command stands still
+STARTS, JUMPS = 6, 2.0  # samples after a standstill; their steps, times this, are no jump
+DRAWN = 160  # points of a recording that are stored for drawing
+UNTOLD = 0.98  # of the prior's variance: above, a recording does not determine a parameter
 
 
 @dataclass(frozen=True)
-class Quick:
-    """What the quick fit of a recording says, in SI.
+class Quick(Valued):
+    """The result of the quick fit of a recording, in SI.
 
     x (p,): of the model; values, errors (q,): of the reported parameters, with infinite errors for
     undetermined ones; covariance (q, q). noise: deviation of the innovations of the first output;
     free: rms error of free runs of half a second over the motion; swing: rms motion; held: longest
-    time that a reading is constant while the command is not, over the whole. drawn (2, points): the
-    first output as measured and in a free run. remarks: facts about the recording. problem: why
-    there is no fit; "" if there is one.
+    time that a reading is constant while the command is not, over the recording's length. drawn (2,
+    points): the first output as measured and in a free run. remarks: facts about the recording.
+    problem: why there is no fit; "" if there is one.
     """
 
     name: str
@@ -79,14 +80,14 @@ class Quick:
 
 @dataclass(frozen=True)
 class Task:
-    """Recordings (name, path) to be fitted one after the other with a structure."""
+    """Recordings (name, path) to be fitted one after another with a structure."""
 
     recordings: tuple[tuple[str, Path], ...]
     structure: Structure
 
 
 def reported(model: Model) -> list[int]:
-    """Return the places of the parameters that tell of the device."""
+    """Return the indices of the parameters that describe the device."""
     return [i for i, p in enumerate(model.parameters) if p.kind not in NUISANCE]
 
 
@@ -105,7 +106,7 @@ def names_of(structure: Structure) -> dict[str, str]:
 
 
 def physical(model: Model, x: Floats) -> tuple[Floats, Floats]:
-    """Return value and slope by x of each reported parameter."""
+    """Return value and derivative by x of each reported parameter."""
     values: list[float] = []
     slopes: list[float] = []
     for i in reported(model):
@@ -150,7 +151,7 @@ def fit(e: Experiment, structure: Structure) -> Hypothesis:
 
 
 def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quick:
-    """Return what a fit says of its recording."""
+    """Return the results of a fit as a `Quick`."""
     model, x = h.model, h.x
     values, errors, spread = estimates(h)
     observer, (start,) = h.noise.observer, h.noise.starts
@@ -171,7 +172,7 @@ def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quic
 
 
 def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
-    """Return values, standard errors and covariance of the reported parameters, prior taken off."""
+    """Return values, standard errors and covariance of reported parameters, without the prior."""
     model, own = h.model, np.array(reported(h.model))
     spread = covariance(h.fitted)[np.ix_(own, own)]
     variance = np.diag(spread)
@@ -197,11 +198,11 @@ def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
 
 
 def held(e: Experiment) -> float:
-    """Return for how much of a recording its first output stands still longest.
+    """Return the longest standstill of the first output, as a share of the recording.
 
-    Exceptions: the command is constant as well, as for a servo that holds its goal; or the motion
-    starts again from where it stopped, as after sticking. A sensor without new readings resumes at
-    the device's present position.
+    A standstill does not count if the command is constant too, as for a servo that holds its goal,
+    or if the motion starts again from where it stopped, as after sticking. A sensor without new
+    readings resumes with a jump to the device's present position.
     """
     moves = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
     asks = QUIET * float(np.ptp(e.command))
@@ -213,14 +214,14 @@ def held(e: Experiment) -> float:
 
 
 def _sets_out(reading: Floats, stretch: slice) -> bool:
-    """Whether a reading resumes after a standstill by no more than afterwards, or than usual."""
+    """Whether the first step after a standstill is no larger than the next steps, or than usual."""
     steps = np.abs(np.diff(reading[stretch.stop - 1 : stretch.stop + STARTS]))
     usual = float(np.sqrt(np.mean(np.diff(reading) ** 2)))
     return steps.size > 1 and float(steps[0]) <= JUMPS * max(usual, float(steps[1:].max()))
 
 
 def to_arrays(q: Quick) -> Mapping[str, object]:
-    """Return it as JSON types."""
+    """Return a Quick as JSON types."""
     return {
         k: v.tolist() if isinstance(v, np.ndarray) else list(v) if isinstance(v, tuple) else v
         for k, v in vars(q).items()
@@ -228,12 +229,15 @@ def to_arrays(q: Quick) -> Mapping[str, object]:
 
 
 def from_arrays(values: Mapping[str, Any]) -> Quick:
-    """Return what `to_arrays` gave; raises TypeError, ValueError, KeyError where it is none."""
+    """Rebuild a Quick from the output of `to_arrays`.
+
+    Raises TypeError, ValueError or KeyError if it is not such output.
+    """
     arrays = ("x", "values", "errors", "covariance", "drawn")
     own: dict[str, Any] = {
         k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()
     }
     errors = own["errors"]
-    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # as `fleet.kept` writes infinity
+    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # `fleet.kept` writes infinity so
     own["remarks"] = tuple(own["remarks"])
     return Quick(**own)

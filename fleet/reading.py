@@ -1,4 +1,4 @@
-"""A recording of a fleet for the diagnosis, and a check that it is the same file."""
+"""Reading of a fleet's recordings for the diagnosis, and a checksum of their files."""
 
 import hashlib
 from pathlib import Path
@@ -15,9 +15,9 @@ from zwidth.sim.trace import Trace
 
 
 def trace_of(path: Path) -> Trace:
-    """Return a recording of any kind; what a file of another tool holds is taken from its names.
+    """Return a recording of any kind; the content of another tool's file is guessed from its names.
 
-    Raises LogError where it cannot be read.
+    Raises LogError if it cannot be read.
     """
     if path.suffix.lower() == ".toml":
         return read_recording(path)
@@ -36,7 +36,7 @@ def experiment_of(path: Path, device: Device, name: str) -> Experiment:
 
 
 def content_of(path: Path) -> str:
-    """Return the SHA-256 of a recording: of its file, and of the data that a TOML describes."""
+    """Return the SHA-256 of a recording: of its file, and of the data if the file is a TOML."""
     found = hashlib.sha256(reading(path).read_bytes())
     if path.suffix.lower() == ".toml":
         data = path.parent / load_description(path).file

@@ -1,22 +1,24 @@
 """Why a recording is unlike the others: which fault explains it at the lowest cost.
 
-A sound recording of the fleet has parameters about mu (for its own columns) with deviations S. Read
-in one way (as it is, with a sign reversed, ...), a fit gives y with covariance C, and
+A sound recording of the fleet has parameters about mu (for its own columns) with covariance S. For
+a recording read in one way (as it is, with a sign reversed, ...), a fit gives y with covariance C,
+and
 
     cost = -2 ln p(recording | y) + price
          + (y - mu)' (C + S)^-1 (y - mu) + ln det (C + S) - ln det C
 
 is the cost of that reading (the evidence with a normal prior N(mu, S) on the device, by Laplace).
-For a device that differs in one parameter, that one's S is `WIDE` times mu. The price is the rarity
-of the fault, as in `diagnosis.intake`, and the number of faults that were tried. The cheapest
-reading is reported, or "as recorded" if none is cheaper by 2 ln (1 / ALPHA).
+For a device that differs in one parameter, the deviation of that parameter is `WIDE` times its mu.
+The price has terms for the rarity of the fault, as in `diagnosis.intake`, and for the number of
+faults that were tried. The cheapest reading is reported, or "as recorded" if no other is cheaper by
+2 ln (1 / ALPHA).
 
-Tried are: signs and units of command and output (also as the gate of a diagnosis suspects them), a
-late command or reading, a reading that jumps (a clamp or a coupling that slipped), a parameter that
-changes within the recording, parameters of its own, and, if it fits badly whatever is corrected,
-physics that the others do not have. If free runs diverge, it is first tested whether the drive was
-off for a while (`switched_off`), since the prediction one sample ahead, which shows all other
-faults, does not show this one.
+These faults are tried: signs and units of command and output (also those that the gate of a
+diagnosis suspects), a late command or reading, a reading that jumps (a clamp or a coupling that
+slipped), a parameter that changes within the recording, parameters of its own, and, if the
+recording fits badly with every correction, physics that the others do not have. If free runs
+diverge, it is first tested whether the drive was off for a while (`switched_off`), since the
+prediction one sample ahead, which shows all other faults, does not show this one.
 """
 
 import math
@@ -49,14 +51,15 @@ from zwidth.fleet.quick import NUISANCE, estimates, names_of, physical
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.structure import Structure
 from zwidth.fleet.switched_off import free_error, switched_off
+from zwidth.shown import Valued
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 RARE = -2.0 * math.log(INTAKE.unit_odds)
-WIDE = 10.0  # times what a parameter is, that another device may have
-LATEST = 30  # samples that a reading may come late
-BADLY = 3.0  # times the fleet's noise, from which what is left is not explained
-FITTED = 4  # readings that are fitted, of those that cost least without
+WIDE = 10.0  # deviation of another device's parameter, over its expected value
+LATEST = 30  # samples by which a reading may be late
+BADLY = 3.0  # times the fleet's noise: a larger residual is not explained
+FITTED = 4  # number of readings that are fitted: the cheapest ones before a fit
 SURELY = 2.0 * math.log(1.0 / ALPHA)
 FAULTS = {
     "inverted_sign": "a sign is inverted",
@@ -75,11 +78,11 @@ FAULTS = {
 
 
 @dataclass(frozen=True)
-class Reason:
-    """Why a recording is odd. kind: a key of `FAULTS`; gained: -2 ln over taking it as it is.
+class Reason(Valued):
+    """Why a recording is odd. kind: a key of `FAULTS`; gained: -2 ln, over reading it as it is.
 
-    parameters: those that differ, of `other_device`. recording: whether the recording is at fault,
-    and not the device.
+    parameters: those that differ, for the kind `other_device`. recording: whether the fault is in
+    the recording, not in the device.
     """
 
     kind: str
@@ -89,7 +92,7 @@ class Reason:
 
     @property
     def recording(self) -> bool:
-        """Whether the recording has a fault, and shows nothing about the present device."""
+        """Whether the recording is at fault and shows nothing about the present device."""
         return self.kind not in ("changed_within", "other_device", "other_physics")
 
 
@@ -97,8 +100,8 @@ class Reason:
 class Question:
     """An odd recording to be explained.
 
-    expected, spread (q,): expected values of the reported parameters, and their deviation; noise:
-    the fleet's typical one. odd: in what it is unlike the others.
+    expected, spread (q,): expected values and deviations of the reported parameters; noise: typical
+    for the fleet. odd: how the recording is unlike the others.
     """
 
     name: str
@@ -119,7 +122,7 @@ class _Way:
 
 
 def unusable(problem: str) -> Reason:
-    """Return why a recording that has no fit has none."""
+    """Return the reason for a recording without a fit; problem: why it has none."""
     stale = "repeats every reading" in problem or "is constant at" in problem
     return Reason("stale_sensor" if stale else "unreadable", problem, math.inf)
 
@@ -142,7 +145,8 @@ def explained(question: Question) -> Reason:
     plain = math.inf if as_is is None else _cost(question, as_is, e.ticks)
     found: list[tuple[float, Reason, Hypothesis | None]] = []
     asked = 2.0 * math.log(max(1, len(every)))
-    # A recording that is read rightly fits where the fleet is: the others need no fit of their own.
+    # A recording read in the right way fits at the fleet's values: most ways need no fit of their
+    # own.
     ranked = sorted(every, key=lambda way: _unfitted(way, model, start, e.ticks))
     for way in ranked[:FITTED]:
         h = _fit(way.experiment, model, start)
@@ -174,7 +178,7 @@ def explained(question: Question) -> Reason:
 def _without_drive(
     e: Experiment, model: Model, start: Floats, ways: Sequence[_Way]
 ) -> Reason | None:
-    """A drive that was off, unless another reading of the recording has smaller free-run errors."""
+    """The reason that the drive was off, unless another way to read has smaller free-run errors."""
     try:
         off = switched_off(e, model, start)
     except (NoObserver, ValueError):
@@ -183,16 +187,16 @@ def _without_drive(
         return None
     sentence = (
         f"the drive of {e.name} gives no force from {off.from_s:.3g} s to {off.to_s:.3g} s, as"
-        f" where it is switched off: the error of free runs is {off.on:.2g} times the motion"
-        f" where it is taken"
-        f" as on, and {off.off:.2g} times where it is not; say so in [enable] of its TOML"
+        f" where it is switched off: the error of free runs is {off.on:.2g} times the motion where"
+        f" it is taken as on, and {off.off:.2g} times where it is not; describe it by [enable] in"
+        " its TOML"
     )
     seconds = e.ticks * e.period
     return Reason("switched_off", sentence, 2.0 * seconds / FREE_RUN_S * math.log(off.on / off.off))
 
 
 def in_words(parameter: str) -> str:
-    """Return a parameter's name for people: Coulomb friction at m1, level."""
+    """Return a readable name of a parameter: "Coulomb friction at m1, level"."""
     effect, _, key = parameter.partition(".")
     name = effect_in_words(effect).replace("@", " at ")
     return f"{name}, {key.replace('_', ' ')}," if key else name
@@ -210,7 +214,7 @@ def _unexplained(e: Experiment, noise: float, question: Question) -> str:
 
 
 def _unfitted(way: _Way, model: Model, start: Floats, ticks: int) -> float:
-    """What a reading costs with the parameters that are expected."""
+    """The cost of a reading with the expected parameters, without a fit."""
     with suppress(NoObserver, ValueError), np.errstate(all="ignore"):
         h = judged([way.experiment], model, start)
         rows = max(1, way.experiment.ticks - SETTLING)
@@ -225,7 +229,7 @@ def _fit(e: Experiment, model: Model, start: Floats) -> Hypothesis | None:
 
 
 def _x_of(model: Model, values: Floats) -> Floats:
-    """The x at which the reported parameters have values."""
+    """The x at which the reported parameters have these values."""
     x, place = np.zeros(len(model.parameters)), 0
     at_zero, _ = physical(model, x)
     for i, p in enumerate(model.parameters):
@@ -237,7 +241,7 @@ def _x_of(model: Model, values: Floats) -> Floats:
 
 
 def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = ()) -> float:
-    """What a fit costs under the fleet's prior; wide: places of parameters that are free.
+    """The cost of a fit under the fleet's prior; wide: indices of parameters that are free.
 
     A shortened recording is weighted as if it were complete.
     """
@@ -262,7 +266,7 @@ def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = (
 
 
 def _own(question: Question, h: Hypothesis, e: Experiment) -> Iterator[tuple[float, Reason]]:
-    """Parameters with other values: each alone, those that stand out together, and all."""
+    """Reasons with other parameter values: each alone, the odd ones together, and all."""
     units = names_of(question.structure)
     names = list(units)
     values, _, _ = estimates(h)
@@ -283,7 +287,7 @@ def _own(question: Question, h: Hypothesis, e: Experiment) -> Iterator[tuple[flo
 
 
 def _within(h: Hypothesis) -> tuple[float, Reason]:
-    """A parameter that changes while it is recorded, and what that gains."""
+    """The reason that a parameter changes within the recording, and the gain of it."""
     nothing = -math.inf, Reason("changed_within", "", 0.0)
     try:
         suspect = changing(h)
@@ -320,7 +324,7 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
         if found and other is not e:
             yield _Way("swapped", found[0].sentence, other, RARE)
         other, found = in_time(device, e)
-        if any(fault.wrong for fault in found):  # that it acts later may be physics
+        if any(fault.wrong for fault in found):  # a command that acts later may be physics
             yield _Way("late", found[0].sentence, other, RARE)
     if not question.odd.fits_badly:
         return
@@ -344,7 +348,7 @@ def _read_as(e: Experiment, faults: Sequence[Fault]) -> _Way:
 
 
 def _reading_late(e: Experiment, model: Model, start: Floats) -> _Way | None:
-    """The reading some samples earlier, by as much as costs least."""
+    """The reading moved some samples earlier, by the number that costs least."""
     best: tuple[float, int, Experiment] | None = None
     for n in range(1, min(LATEST, e.ticks // 10)):
         later = e.part(n, e.ticks)
@@ -398,7 +402,7 @@ def _jump(e: Experiment, model: Model, start: Floats) -> _Way | None:
 
 
 def _more(h: Hypothesis, after: Floats) -> float:
-    """By how much less a jump should have been taken off, to first order."""
+    """Excess of the jump that was subtracted, to first order."""
     model, x, observer = h.model, h.x, h.noise.observer
     (e,) = h.problem.experiments
     seen = model.seen(e, x)
@@ -412,7 +416,7 @@ def _more(h: Hypothesis, after: Floats) -> float:
 
 
 def _other_physics(e: Experiment, question: Question) -> Reason | None:
-    """Effects that explain a recording beside those of the fleet."""
+    """Further effects, besides the fleet's, that explain a recording."""
     typical = question.structure.typical
     try:
         tried = search(typical, [e], QUICK)

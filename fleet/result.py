@@ -17,15 +17,15 @@ from zwidth.fleet.quick import Quick
 from zwidth.fleet.reasons import FAULTS, Reason, in_words
 from zwidth.fleet.spread import Spread
 from zwidth.fleet.structure import Structure
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.readable import with_unit
 
-LISTED = 6  # odd recordings in the sentence
+LISTED = 6  # odd recordings listed in the sentence
 
 
 @dataclass(frozen=True)
-class Member:
-    """A recording: what is known, what its fit says, why it is unlike the others, if it is."""
+class Member(Valued):
+    """A recording: known values, its fit, and why it is unlike the others, if it is."""
 
     listed: Listed
     quick: Quick
@@ -34,7 +34,7 @@ class Member:
 
     @property
     def pooled(self) -> bool:
-        """Whether it is used for the result of the fleet."""
+        """Whether the recording is used for the result of the fleet."""
         return self.reason is None and not self.quick.problem
 
 
@@ -42,10 +42,10 @@ class Member:
 class Fleet(Shown):
     """The result for a fleet.
 
-    names: unit of each reported parameter; spreads: how each varies over the fleet.
-    candidates: structures that were tried, and how much worse they fit; repeats: by parameter, the
-    scatter of repeated recordings of one device over their estimated errors. notes: recordings that
-    were not used.
+    names: unit of each reported parameter; spreads: how each varies over the fleet. candidates:
+    structures that were tried, and how much more each costs; repeats: by parameter, the scatter of
+    repeated recordings of one device over their estimated errors. notes: recordings that were not
+    used.
     """
 
     structure: Structure
@@ -64,7 +64,7 @@ class Fleet(Shown):
 
     @property
     def odd(self) -> list[Member]:
-        """The odd recordings: unlike the others, and left out of the fleet's values."""
+        """The recordings that are unlike the others and left out of the fleet's values."""
         return [m for m in self.members if m.reason is not None]
 
     @cached_property
@@ -73,7 +73,7 @@ class Fleet(Shown):
 
     @cached_property
     def pooled_places(self) -> dict[str, int]:
-        """Index in `Spread.pooled` of each recording that is pooled, by name."""
+        """Index in `Spread.pooled` of each pooled recording, by name."""
         return {m.listed.name: k for k, m in enumerate(m for m in self.members if m.pooled)}
 
     def of(self, device: str) -> list[Member]:
@@ -109,7 +109,7 @@ class Fleet(Shown):
         return f"{name} of {change.device} {verb} {a} to {b} {when}{span}"
 
     def said_of_parameter(self, name: str) -> str:
-        """Return a sentence that says how a parameter varies over the fleet."""
+        """Return a sentence on how a parameter varies over the fleet."""
         s, unit = self.spreads[name], self.names[name]
         words = in_words(name).rstrip(",")
         parts = [f"{words} is {with_unit(s.center.value, unit)}"]
@@ -121,7 +121,7 @@ class Fleet(Shown):
             parts.append(f"differs from run to run by {with_unit(s.tau_run, unit)} rms")
         for column, slope in s.slopes.items():
             per = with_unit(slope.value, unit)
-            parts.append(f"follows {column}: {per} per unit")
+            parts.append(f"depends on {column}: {per} per unit")
         return ", ".join(parts)
 
     def as_json(self) -> dict[str, Any]:

@@ -13,17 +13,17 @@ out in closed form (Gelman et al., Bayesian Data Analysis, 3rd ed., 5.4 and 14.8
     cost = r' V^-1 r + ln det V + ln det X' V^-1 X + 2 sum_k ln range_k - k ln 2 pi,
 
 r are the residuals of generalized least squares, range_k = 2 ptp(y) / ptp(x_k) for a slope. The
-constant b_0 and n ln 2 pi are in all hypotheses and left out. A tau above zero is uniform in its
+terms of b_0 and n ln 2 pi are in all hypotheses and left out. A tau above zero is uniform in its
 logarithm between `LEAST_TAU` of the median standard error and the whole range of y, summed on a
 grid. A hypothesis is preferred to a simpler one if it costs less by more than 2 ln (1 / ALPHA) for
-each thing that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
+each level or column that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
 
 Columns that the recordings cannot distinguish (one is a multiple of another, or there are fewer
 informative recordings than columns) are not used together.
 
-Limits: the ranges are taken from the data. A device must have been recorded twice for its own value
-to be distinguished from that of the run: without repeats, differences are called per run. Normal
-distributions have no outliers, so those must be removed before.
+Limits: the ranges come from the data. A device must have been recorded at least twice to
+distinguish its own value from the run's: without repeats, differences count as per run. The normal
+distributions do not allow for outliers, which must be removed first.
 """
 
 import math
@@ -36,31 +36,34 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.shown import Valued, fields_html
 
 Floats = NDArray[np.float64]
-LEAST_TAU = 0.1  # of the median standard error: a smaller spread changes no interval
+LEAST_TAU = 0.1  # of the median standard error; a smaller spread changes no interval
 GRID = 24  # values of a tau, uniform in its logarithm
 STEP_COST = 2.0 * math.log(1.0 / ALPHA)
 NEGLIGIBLE = 1e-6  # share of a pair of taus below which it is left out of means
 
 
 class Slope(NamedTuple):
-    """By how much a parameter changes with a known column, per unit of it, and how sure."""
+    """The change of a parameter per unit of a known column, with its standard error."""
 
     value: float
     error: float
 
+    _repr_html_ = fields_html
+
 
 @dataclass(frozen=True)
-class Spread:
-    """What a fleet says of one parameter, in the unit of the estimates.
+class Spread(Valued):
+    """How one parameter varies over a fleet, in the unit of the estimates.
 
-    per_device, per_run: at which levels it differs. tau_device, tau_run: the standard deviations
-    of these differences (0 where there is none), posterior root mean squares. center: the value
-    where each column is at its mean. slopes: of the columns that it scales with. pooled (n,),
-    pooled_errors (n,): of each recording's own value, what the others say included. gains: what
-    each level and column is worth, in -2 ln evidence: how much dearer the answer is without it, or,
-    of what it has not, how much cheaper it would be with it.
+    per_device, per_run: whether it differs between devices, between runs. tau_device, tau_run:
+    standard deviations of these differences as posterior root mean squares, 0 without any. center:
+    the value with each column at its mean. slopes: by the columns that it depends on. pooled (n,),
+    pooled_errors (n,): each recording's own value, estimated with the help of the others, and its
+    error. gains: of each level and column, in -2 ln evidence: how much more the answer would cost
+    without it or, for one that it does not have, how much less with it.
     """
 
     per_device: bool
@@ -75,7 +78,7 @@ class Spread:
 
     @property
     def shared(self) -> bool:
-        """Whether, after its slopes, it is one value for all recordings."""
+        """Whether all recordings have one value, apart from the slopes."""
         return not (self.per_device or self.per_run)
 
 
@@ -85,13 +88,13 @@ def spread(
     devices: Sequence[str],
     columns: Mapping[str, Floats] | None = None,
 ) -> Spread:
-    """Decide by cost what a parameter differs by, and pool its estimates accordingly.
+    """Decide by cost how a parameter varies, and pool its estimates accordingly.
 
-    values (n,), errors (n,): estimates and their standard errors, n at least 2; devices (n,): which
-    device each is of; columns: name to known values (n,). An infinite error says nothing of its
-    value, and its recording gets what the others say. Columns that are constant are left out.
-    Raises ValueError for lengths that differ, values that are not finite, errors that are not
-    above 0, and fewer than two recordings that say anything.
+    values (n,), errors (n,): estimates and their standard errors, n at least 2; devices (n,): the
+    device of each; columns: name to known values (n,). An estimate with an infinite error is
+    ignored, and its recording gets a value from the others. Constant columns are left out. Raises
+    ValueError for lengths that differ, values that are not finite, errors that are not above 0, and
+    fewer than two finite errors.
     """
     data = _read(values, errors, devices, columns or {})
     sought: dict[_Kind, _Weighed] = {}
@@ -104,8 +107,8 @@ def spread(
     def penalized(kind: _Kind) -> float:
         return weighed(kind).cost + STEP_COST * len(kind)
 
-    # Every step makes the penalized cost smaller, so none is taken twice. Steps of two let a column
-    # take the place of a spread that stood for it.
+    # Every step lowers the penalised cost, so no state repeats. Double steps let a column replace a
+    # spread that was found in its place.
     kind: _Kind = frozenset()
     while True:
         single = [frozenset({term}) for term in data.terms]
@@ -162,9 +165,11 @@ def _read(
         if not np.all(np.isfinite(column)):
             raise ValueError(f"{name} holds NaN or infinity; leave those recordings out")
     for name in set(known) & {DEVICE, RUN}:
-        raise ValueError(f"a column is named {name!r}, which names a level; give it another name")
+        raise ValueError(
+            f"a column is called {name!r}, which is the name of a level; give it another name"
+        )
     if not np.all(s > 0.0):
-        raise ValueError("errors holds values that are not above 0; give standard errors")
+        raise ValueError("errors has values that are not above 0; give standard errors")
     telling = np.isfinite(s)
     if np.count_nonzero(telling) < 2:
         raise ValueError("fewer than two estimates have a finite error; give more recordings")
@@ -194,7 +199,7 @@ def _weigh(data: _Data, kind: _Kind) -> _Weighed:
     grid, nothing = _taus(data), np.zeros(1)
     telling = np.isfinite(data.variance)
     told = design[telling] / np.linalg.norm(design[telling], axis=0)
-    if np.linalg.matrix_rank(told) < design.shape[1]:  # two columns alike, or too few that tell
+    if np.linalg.matrix_rank(told) < design.shape[1]:  # proportional columns, or too few recordings
         return _Weighed(math.inf, [])
     ranges = sum(
         2.0 * math.log(2.0 * np.ptp(data.y[telling]) / np.ptp(data.columns[n][telling]))
@@ -245,8 +250,8 @@ def _at(data: _Data, design: Floats, tau_device: float, tau_run: float) -> _Poin
 
 def _pooled(data: _Data, design: Floats, point: _Point) -> tuple[Floats, Floats]:
     """Return mean and variance of each recording's own value at given taus."""
-    # Given b: u_d is normal with precision 1 / tau^2 + 1' D^-1 1, and w_i, given u_d, takes the
-    # share tau_run^2 / (s_i^2 + tau_run^2) of what is left of y_i. b adds what it moves them by.
+    # Given b: u_d is normal with precision 1 / tau^2 + 1' D^-1 1, and w_i, given u_d, has the share
+    # tau_run^2 / (s_i^2 + tau_run^2) of the remaining y_i. The uncertainty of b adds to both.
     weight = 1.0 / (data.variance + point.tau_run**2)
     own = point.tau_run**2 * weight
     held = _sums(data, weight, np.ones((data.y.size, 1)))[:, 0]
@@ -256,7 +261,7 @@ def _pooled(data: _Data, design: Floats, point: _Point) -> tuple[Floats, Floats]
     moved = design - (device_variance[:, None] * _sums(data, weight, design))[data.device]
     moved *= (1.0 - own)[:, None]
     mean = design @ point.b + u[data.device] + own * (off - u[data.device])
-    # own * s^2 = tau_run^2 (1 - own), which stays finite where the error is infinite.
+    # own * s^2 = tau_run^2 (1 - own), which stays finite for an infinite error.
     variance = point.tau_run**2 * (1.0 - own) + (1.0 - own) ** 2 * device_variance[data.device]
     return mean, variance + np.einsum("ij,jk,ik->i", moved, point.b_covariance, moved)
 

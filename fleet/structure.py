@@ -1,19 +1,19 @@
-"""Which effects a fleet's devices have: one structure for all, each recording with its own numbers.
+"""Which effects a fleet's devices have: one structure for all, with parameters per recording.
 
-Recordings of several devices differ in their parameters, so a single x would have to compensate the
-differences by spurious physics. A structure S is therefore judged by its cost with own parameters
-in each of a few recordings,
+Recordings of several devices differ in their parameters; with one x for all, spurious physics would
+compensate the differences. So the cost of a structure S is computed with separate parameters for
+each of a few recordings,
 
     cost(S) = sum_i (misfit_i(S) + freedom_i(S)) - 2 ln P(S),
 
-where the rarity of such physics is counted once (`diagnosis.selection.evidence`). Candidates are
-the cheapest hypotheses of the search of each recording alone, and their parts; one with more
-effects must cost less by 2 ln (1 / ALPHA) for each. A recording without information about a
-parameter is left out of the comparison.
+with the rarity P(S) of the physics counted once (`diagnosis.selection.evidence`). Candidates are
+the cheapest hypotheses from a search on each recording alone, and their parts; each further effect
+must lower the cost by 2 ln (1 / ALPHA). A recording without information about a parameter is left
+out of the comparison.
 
-The few are the most informative ones: those whose refit determines the linear parameters best (ln
-det J'J), of different devices, and without those whose parameters lie far from the others', since
-such a recording may have a fault.
+The few recordings are the most informative ones, of different devices: those whose refit determines
+the linear parameters best (ln det J'J). Recordings whose parameters are far from the others' are
+excluded, since they may have a fault.
 """
 
 import json
@@ -35,6 +35,7 @@ from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import search
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.physics import make_physics
@@ -47,19 +48,19 @@ from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 STEP_COST = 2.0 * math.log(1.0 / ALPHA)
-CANDIDATES = 3  # structures of each search that are asked of all
-FAR = 4.0  # robust deviations, from which a recording is no model for others
+CANDIDATES = 3  # structures of each search that are tried on all recordings
+FAR = 4.0  # robust deviations beyond which a recording is not representative
 OPEN = Uncertainty(masses=1.0, springs=1.0, dampers=2.0)
 """How far recordings of a fleet may be from its typical device: far enough to see that they are."""
-SHARE = 0.3  # of a value of the device file, that is one of x where nothing else says it
+SHARE = 0.3  # of a value of the device file: one unit of x, unless a scale is known
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Valued):
     """The model that every recording of a fleet is fitted with.
 
-    device: the typical one, without the effects; effects: those, at their typical values, with the
-    scales and bounds of their free parameters (`Model`).
+    device: the typical one, without the effects; effects: at their typical values, with the scales
+    and bounds of their free parameters (`Model`).
     """
 
     device: Device
@@ -83,7 +84,7 @@ class Structure:
         return self.device.with_physics(*self.effects)
 
     def to_json(self) -> str:
-        """Return it as text, whose numbers read back exactly."""
+        """Return the structure as JSON text whose numbers read back exactly."""
         effects = [
             {
                 "effect": p.effect.name,
@@ -98,7 +99,7 @@ class Structure:
 
 
 def structure_from(text: str) -> Structure:
-    """Return the structure of `to_json`; raises ValueError where it is none."""
+    """Rebuild a structure from the output of `to_json`; raises ValueError for any other text."""
     try:
         found = cast("dict[str, Any]", json.loads(text))
         every = found["effects"]
@@ -113,10 +114,10 @@ def structure_from(text: str) -> Structure:
 
 
 def _kept(physics: Physics) -> set[str]:
-    """What stays as it is of an effect: of a force over two states all but its forces.
+    """The parameters of an effect that stay fixed: of a force over two states all but its forces.
 
-    Of two tables all but the numbers of their laws, one of which is held: only the product counts,
-    and of a shift another origin of what is shifted is the same.
+    Of a pair of tables all but the numbers of their laws, one of which is fixed: in a product only
+    the product matters, and a shift is equivalent to another origin of the shifted state.
     """
     if is_grid(physics.effect.parameters):
         return set(physics.values) - {n for row in grid_of(physics.values).names for n in row}
@@ -130,7 +131,7 @@ def _kept(physics: Physics) -> set[str]:
 
 
 def known_structure(device: Device) -> Structure:
-    """Return the structure of a device file: its own effects but the drive are free."""
+    """Return the structure of a device file: all its effects are free, except the drive."""
     free = [
         p
         for p in device.physics
@@ -159,9 +160,9 @@ def _open(device: Device) -> Uncertainty:
 def informative(
     device: Device, experiments: Sequence[Experiment], devices: Sequence[str], count: int
 ) -> list[int]:
-    """Return the indices of the most informative recordings, of different devices if possible.
+    """Return the indices of the most informative recordings, from different devices if possible.
 
-    Raises NoObserver where none can be followed with the device.
+    Raises NoObserver if no observer of the device exists for any of them.
     """
     model = known_structure(device).model
     told: list[tuple[int, float, Floats]] = []
@@ -194,14 +195,14 @@ def informative(
 def sought(
     device: Device, experiments: Sequence[Experiment], effort: Effort, say: Say
 ) -> tuple[Structure, dict[str, float]]:
-    """Return the structure that costs least over recordings, and what each candidate costs more.
+    """Return the structure of least cost over recordings, and the extra cost of each candidate.
 
-    Raises NoObserver where none can be followed.
+    Raises NoObserver as `informative`.
     """
     begun = known_structure(device)
     bare = Model(replace(begun.device, uncertainty=_open(device)))
     found: dict[frozenset[str], tuple[Model, Floats, float]] = {}
-    if begun.effects:  # what the device file has already is one of the candidates
+    if begun.effects:  # the structure of the device file is one of the candidates
         own = begun.model
         found[frozenset(begun.labels)] = own, np.zeros(len(own.parameters)), 0.0
     wanting = len(experiments)
@@ -212,7 +213,7 @@ def sought(
         except NoObserver:
             wanting -= 1
             continue
-        if tried.interrupted:  # a search ends with what it has; a fleet does not go on from that
+        if tried.interrupted:  # an interrupted search has only its best so far
             raise KeyboardInterrupt
         ranked = sorted(tried.tried.values(), key=lambda h: h.cost.total)
         for h in [tried.best, *ranked[:CANDIDATES]]:
@@ -256,7 +257,7 @@ def _fitted(e: Experiment, model: Model, x: Floats) -> Hypothesis | None:
 
 
 def _cost(each: Sequence[Hypothesis | None], plain: Sequence[Hypothesis | None]) -> float:
-    """The cost of a structure over recordings; one that does not show it is fitted without it."""
+    """The cost of a structure over recordings; one that does not show it uses its plain fit."""
     total, rarity = 0.0, 0.0
     for h, without in zip(each, plain, strict=True):
         own = math.inf if h is None else h.cost.misfit + h.cost.freedom
@@ -270,7 +271,7 @@ def _cost(each: Sequence[Hypothesis | None], plain: Sequence[Hypothesis | None])
 
 
 def _typical(kept: Sequence[Hypothesis], uncertainty: Uncertainty) -> Structure:
-    """The structure at the median of recordings: that of x = 0."""
+    """The structure with the median parameters of the recordings, which become x = 0."""
     model = kept[0].model
     x = model.within(np.median(np.stack([h.x for h in kept]), axis=0))
     count = len(linear_parameters(model.nominal))

@@ -1,19 +1,19 @@
 """Detection, by free runs, of a drive that gave no force for a stretch of a recording.
 
-The next sample hardly shows it: an observer follows whatever the device does, and missing forces
-count as noise. A free run of half a second (`noise.predictor.free_run_errors`) follows the assumed
-force. So with the expected parameters x, and the drive off in [a, b),
+The prediction of the next sample hardly shows this: an observer tracks the device, and missing
+forces count as noise. A free run of half a second (`noise.predictor.free_run_errors`) depends on
+the assumed force. So with the expected parameters x, and the drive off in [a, b),
 
     err(a, b) = rms error of free runs,    the stretch is arg min over a < b,
 
 on a grid of a twentieth of the recording, and then each edge is bisected down to a sample. The
 stretch is accepted if it halves the error of free runs, and if the error without it is larger than
-the motion itself. A wrong parameter of the device does not have this effect, and no stretch helps
-if the drive was on. (A command of the wrong sign also halves the error if it is left out; the
+the motion itself. A wrong parameter of the device does not have this effect, and if the drive was
+on no stretch is accepted. (Leaving out a command of the wrong sign also halves the error; the
 caller compares with the other ways to read a recording.)
 
-Limits: one stretch, and not the whole recording (that is a free motion). The back-EMF of a winding
-stays, as in a recording whose [enable] states that its drive was off.
+Limits: one stretch, not the whole recording (that would be a free motion). The back-EMF of a
+winding still acts, as in a recording whose [enable] states that its drive was off.
 """
 
 from dataclasses import replace
@@ -29,13 +29,13 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged
 
 Floats = NDArray[np.float64]
-PARTS = 20  # of a recording, on whose edges a stretch is sought
-HALF = 0.5  # of the error without it, that free runs err at most where it is believed
-LOST = 1.0  # of the motion, from which free runs explain nothing of a recording
+PARTS = 20  # of a recording: grid on which a stretch is sought
+HALF = 0.5  # largest ratio of free-run errors, with and without the stretch, to accept it
+LOST = 1.0  # free-run error over the motion, from which the recording is not explained
 
 
 class Off(NamedTuple):
-    """A stretch [s] in which a drive is off; free runs err by on without it and off with it."""
+    """A stretch [s] with the drive off; on, off: errors of free runs without and with it."""
 
     from_s: float
     to_s: float
@@ -44,7 +44,7 @@ class Off(NamedTuple):
 
 
 def free_error(e: Experiment, model: Model, x: Floats) -> float:
-    """Return the rms error of free runs over the rms motion, infinite where none is possible."""
+    """Return the rms error of free runs over the rms motion, infinite if no run is possible."""
     try:
         runs = _FreeRuns(e, model, x)
     except (NoObserver, ValueError):
@@ -54,7 +54,7 @@ def free_error(e: Experiment, model: Model, x: Floats) -> float:
 
 
 class _FreeRuns:
-    """Free runs of a recording at x, with the drive off in some of it."""
+    """Free runs of a recording at x, with the drive off in a part of it."""
 
     def __init__(self, e: Experiment, model: Model, x: Floats) -> None:
         noise = judged([e], model, x).noise
@@ -76,7 +76,7 @@ class _FreeRuns:
 
 
 def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
-    """Return the stretch without a force of the drive, None for none; raises NoObserver."""
+    """Return the stretch in which the drive gave no force, or None; raises NoObserver."""
     error = _FreeRuns(e, model, x).error
     on, size = error(0, 0)
     if not on > LOST * size > 0.0:

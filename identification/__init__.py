@@ -1,1 +1,1 @@
-"""What a device is, from its signals: frequency response, ten parameters, relay critical points."""
+"""Identification from signals: frequency response, ten parameters, relay critical points."""

@@ -1,7 +1,8 @@
 """Coordinates in which a fit cannot leave the stable, interlacing models.
 
-Logarithms of m, b and, mode by mode, of w_i - v_i, c_i, v_i - w_{i-1} and d_i: every real vector is
-a model with v_1 < w_1 < v_2 < w_2 < ... A delay that is fitted too comes last, in periods.
+They are the logarithms of m, b and, for each mode, of w_i - v_i, c_i, v_i - w_{i-1} and d_i: every
+real vector is a model with v_1 < w_1 < v_2 < w_2 < ... If a delay is fitted too, it is the last
+coordinate, in periods.
 """
 
 from dataclasses import dataclass
@@ -13,16 +14,16 @@ from zwidth.sim.chain import MAX_MASSES
 from zwidth.sim.modal import ModalModel, Mode
 
 Floats = NDArray[np.float64]
-MAX_MODES = MAX_MASSES - 1  # as many as a device may have
-MOST_DAMPED = 1.99  # c over omega: a mode that oscillates at all
+MAX_MODES = MAX_MASSES - 1  # the most that a device may have
+MOST_DAMPED = 1.99  # c over omega, so that a mode oscillates
 STEP = 1e-6
-RANGE = 7.0  # of a logarithm, to either side of the start
+RANGE = 7.0  # of a logarithm, on either side of the start
 MOST_DELAY = 50.0  # periods
 
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Which numbers are fitted: modes, and the delay [s] unless it is known."""
+    """Which coordinates are fitted: those of some modes and, unless it is known, the delay [s]."""
 
     modes: int
     period: float
@@ -30,7 +31,7 @@ class Coordinates:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """m, b, omega_1, c_1, v_1, d_1, ... and delay where it is fitted."""
+        """m, b, omega_1, c_1, v_1, d_1, ... and, if it is fitted, delay."""
         each = [f"{name}_{i + 1}" for i in range(self.modes) for name in Mode._fields]
         return ("m", "b", *each, *(("delay",) if self.delay is None else ()))
 
@@ -83,6 +84,6 @@ class Coordinates:
 
 
 def parameters(model: ModalModel, delay: float | None = None) -> Floats:
-    """Return m, b, omega_1, c_1, v_1, d_1, ..., and the delay [s] where one is given."""
+    """Return m, b, omega_1, c_1, v_1, d_1, ..., and the delay [s] if one is given."""
     each = [x for mode in model.modes for x in mode]
     return np.array([model.inertia, model.damping, *each, *(() if delay is None else (delay,))])

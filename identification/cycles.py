@@ -1,6 +1,7 @@
-"""The limit cycles of a relay loop over many starts, and how many starts end on each.
+"""The limit cycles that a relay loop reaches from many starts, and the share of starts for each.
 
-A relay loop may have several: the published procedure reports whichever one its start leads to.
+A relay loop may have several limit cycles; the published procedure reports the one that its single
+start leads to.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +18,7 @@ from zwidth.identification.relay import (
     run,
 )
 from zwidth.jobs.parallel import in_parallel, threads
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.run import Start
@@ -27,10 +28,10 @@ POSITION, VELOCITY = 5e-3, 0.5  # half ranges of the random starts
 
 
 @dataclass(frozen=True)
-class Cycle:
+class Cycle(Valued):
     """One limit cycle and the share of the starts that ended on it.
 
-    start: position and velocity of a start that led to it, None where that is not kept.
+    start: position and velocity of a start that led to it, None if that is not stored.
     """
 
     stiffness: float
@@ -41,10 +42,10 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class RelayCondition:
+class RelayCondition(Valued):
     """One condition (delay [s], B): the run from the reference start, and results of other starts.
 
-    diverging, undecided: shares of the starts that diverge, or stay undecided.
+    diverging, undecided: shares of the other starts that diverge, or stay undecided.
     """
 
     delay: float
@@ -56,7 +57,7 @@ class RelayCondition:
 
     @property
     def likeliest(self) -> Cycle | None:
-        """The cycle on which most starts end; None where more diverge, or none was run."""
+        """The cycle that most starts reach; None if more diverge or stay undecided, or none ran."""
         if not self.cycles or self.cycles[0].share < max(self.diverging, self.undecided):
             return None
         return self.cycles[0]
@@ -72,9 +73,10 @@ class RelayCondition:
 
     @property
     def read(self) -> Cycle | None:
-        """The cycle that a reading reports: the likeliest, None where most starts end on none.
+        """The limit cycle reported: the one that most starts reach; None if none is.
 
-        Where no other starts were run: the cycle of the reference start, with a share of 0.
+        None if more starts diverge or stay undecided. If no other starts were run: the cycle of the
+        reference start with a share of 0, or None if that does not oscillate.
         """
         if self.verdict != "oscillates" or self.likeliest is not None:
             return self.likeliest
@@ -86,7 +88,7 @@ class RelayCondition:
 
 @dataclass(frozen=True, repr=False)
 class RelayReadings(Shown):
-    """The readings of a relay on a device, one `RelayCondition` for each damping."""
+    """The relay readings of a device, one `RelayCondition` per damping."""
 
     device: Device
     test: RelayTest
@@ -100,10 +102,10 @@ def limit_cycles(
     seed: int = 0,
     test: RelayTest = STANDARD,
 ) -> RelayCondition:
-    """Run the reference start and seeded random ones, and gather the limit cycles found.
+    """Run the reference start and seeded random starts, and return the limit cycles reached.
 
-    The random starts move the device as a rigid body: position within +-5e-3, velocity within +-0.5
-    a second, uniform.
+    The random starts displace and move the device as a rigid body: position uniform within +-5e-3
+    [rad | m], velocity within +-0.5 [rad/s | m/s].
     """
     return relay_conditions([device], [damping], starts, seed, test)[0]
 
@@ -161,10 +163,10 @@ def _condition(
 def gathered(
     results: Sequence[RelayResult], starts: Sequence[tuple[float, float]] = ()
 ) -> tuple[Cycle, ...]:
-    """Return the cycles among results, the most frequent first; starts: of each result.
+    """Return the limit cycles of results, the most frequent first; starts: of each result.
 
-    Sorted by stiffness, results belong to one cycle while stiffness and frequency stay within half
-    a percent of its first one's.
+    Results are sorted by stiffness and belong to one cycle as long as stiffness and frequency stay
+    within half a percent of those of its first result.
     """
     found = [
         (r.stiffness, r.frequency_hz, r.amplitude, i)

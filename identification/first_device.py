@@ -1,22 +1,22 @@
 """A device of one, two or three masses to start from, identified from a recording alone.
 
 `identify` fits eq. (1) to a frequency response, which needs an excitation of all frequencies and
-about 8000 samples. This one works with ordinary recordings. They are cut into windows, in each of
-which the chain runs freely under the command. The error is measured as a speed, so that a small
-fast mode has weight beside a large slow drift:
+about 8000 samples. The method here works with ordinary recordings. They are cut into windows, in
+each of which the chain runs freely under the command. The error is measured as a speed, so that a
+small fast mode counts beside a large slow drift:
 
     e_w = (I - P) d/dt (y_w - H (u_w + sum_i a_i f_i,w)),
 
 P projects onto the free motions and the effect of a constant force, so that neither the initial
 state of a window nor an offset counts; H is the impulse response; f_i are further possible forces
-that follow from the *measured* motion: friction, q^3, sin q, cos q, and u^3 of a saturating
-amplifier. Their strengths a_i are solved for at every step, so that friction, gravity, a spring and
-a limit neither distort masses and dampers nor require a further mass. Neither they nor the spring
-to ground, which is fitted with the chain, are in the returned device; the diagnosis has to find
-them. Without a command the spring stays, otherwise there would be no swing, and masses are in units
-of m1.
+computed from the *measured* motion: friction, q^3, sin q, cos q, and u^3 of a saturating amplifier.
+Their strengths a_i are solved for at every step, so that friction, gravity, a spring and a limit
+neither distort masses and dampers nor require a further mass. The returned device has neither these
+forces nor the spring to ground that is fitted with the chain: the diagnosis has to find them.
+Without a command the spring stays in the device, which could not swing otherwise, and masses are in
+units of m1.
 
-The number of masses is chosen by windows that were not fitted, three of ten: another mass is added
+The number of masses is chosen on three of ten windows, which are not fitted: another mass is added
 if it reduces the rms error there by a fifth (`WORTH`), and if masses and modes have values that a
 recording can determine.
 """
@@ -38,30 +38,31 @@ from zwidth.sim.chain import Chain, make_chain
 Floats = NDArray[np.float64]
 MOST_MASSES = 3
 LEAST_SAMPLES = 200
-WINDOW_S = 1.0  # long against what dampers do, short against how long a wrong model keeps in step
+WINDOW_S = 1.0  # longer than a damper's time constant, shorter than a wrong model stays in phase
 LEAST_WINDOW, LEAST_WINDOWS = 60, 6
-MOST_SAMPLES = 20_000  # of all recordings; of more, windows are taken evenly
+MOST_SAMPLES = 20_000  # windows of all recordings; of more, evenly spaced ones are used
 FIT_SHARE = 0.7
-WORTH = 0.8  # held-out error with another mass, over that without, that pays for it
-LEAST_SHARE = 0.05  # of all the inertia, that a mass has
-SLOWEST, FASTEST = 2.0, 0.4  # periods of a mode in a window at least, and in a sample at most
-SMOOTHED = 9  # samples over which speed and acceleration are taken for the starts
-COST = 0.03  # of the motion, that a further force as large as the command must explain
-TRUSTED = 0.03  # of the motion, that a factor of e from the inertia of a regression must explain
-LEAST_DAMPED = 0.01  # of the inertia's force at the slowest motion of a window
-STILL = 0.02  # of the rms speed, below which the sign of a speed is not told
-SHARES = (0.5, 0.15)  # of the inertia, that a further mass begins with
-MODES = 5  # frequencies, between the band's ends, that it begins with
-STEPS = 40  # of a descent
-RANGE = 9.0  # of a logarithm, to either side of the start
+WORTH = 0.8  # largest ratio of held-out errors, with and without another mass, that justifies it
+LEAST_SHARE = 0.05  # least share of a mass in the whole inertia
+SLOWEST, FASTEST = 2.0, 0.4  # least periods of a mode per window, and most per sample
+SMOOTHED = 9  # samples of the smoothing that gives speed and acceleration for the starts
+COST = 0.03  # share of the motion that a further force as large as the command must explain
+TRUSTED = 0.03  # share of the motion that a factor of e from the regression's inertia must explain
+LEAST_DAMPED = 0.01  # least damper, over the inertia's force at the slowest motion of a window
+STILL = 0.02  # of the rms speed, below which the sign of a speed is uncertain
+SHARES = (0.5, 0.15)  # starting shares of a further mass in the inertia
+MODES = 5  # starting frequencies of a further mass, between the band's ends
+STEPS = 40  # of one descent
+RANGE = 9.0  # of a logarithm, on either side of the start
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a fit needs of a recording.
+    """The part of a recording that a fit uses.
 
-    period [s]; command (ticks,), None where nothing drives; outputs (ticks, o) in SI, of which
-    quantities says "position" or "velocity" and of which mass, counted from 0; rotary: an angle.
+    period [s]; command (ticks,), None if nothing drives the device; outputs (ticks, o) in SI;
+    quantities: of each output "position" or "velocity" and the mass, counted from 0; rotary:
+    whether the position is an angle.
     """
 
     period: float
@@ -75,8 +76,8 @@ class Motion:
 class FirstDevice:
     """The chain chosen, and the held-out errors that chose it.
 
-    errors: rms error of free runs over windows that were not fitted, over the rms of the motion in
-    them, one for each number of masses from `least` on; window [s].
+    errors: for each number of masses from `least` on, the rms error of free runs over windows that
+    were not fitted, relative to the rms motion in them; window: length [s].
     """
 
     chain: Chain
@@ -86,9 +87,9 @@ class FirstDevice:
 
 
 def first_device(motions: Sequence[Motion]) -> FirstDevice:
-    """Return the chain that recordings of one device show.
+    """Return a chain of masses identified from recordings of one device.
 
-    Raises RecordingError where they are too short or do not move.
+    Raises RecordingError if they are too short or do not move.
     """
     least = 1 + max(mass for motion in motions for _, mass in motion.quantities)
     windows = Windows.of(motions)
@@ -112,7 +113,7 @@ def first_device(motions: Sequence[Motion]) -> FirstDevice:
 
 
 def _plausible(x: Floats, n: int, windows: "Windows") -> bool:
-    """Whether every mass is a part of the device, and every mode within what windows show."""
+    """Whether no mass is too small a share of the device, and windows can show every mode."""
     masses, springs = np.exp(x[:n]), np.exp(x[2 * n : 3 * n - 1])
     reduced = 1.0 / (1.0 / masses[1:] + 1.0 / masses[:-1])
     hertz = np.sqrt(springs / reduced) / (2.0 * np.pi)
@@ -126,8 +127,9 @@ def _plausible(x: Floats, n: int, windows: "Windows") -> bool:
 class Windows:
     """Windows of equal length: forces (1 + f, length, windows), the command first, and outputs.
 
-    at (1 + f,): the mass that each force acts on, counted from 0; brakes (1 + f,): whether it is
-    friction; free: nothing drives; inertia: the logarithm of that which a regression finds.
+    at (1 + f,): the mass that each force acts on, counted from 0; brakes (1 + f,): whether the
+    force is friction; free: whether nothing drives the device; inertia: logarithm of the inertia
+    found by a regression.
     """
 
     period: float
@@ -147,7 +149,7 @@ class Windows:
 
     @staticmethod
     def of(motions: Sequence[Motion]) -> "Windows":
-        """Cut recordings; raises RecordingError where nothing is left."""
+        """Cut recordings into windows; raises RecordingError if no usable window results."""
         first = motions[0]
         quantities = tuple(q for q in first.quantities if all(q in m.quantities for m in motions))
         if not quantities:
@@ -157,8 +159,8 @@ class Windows:
         shortest = min(m.outputs.shape[0] for m in motions)
         if shortest < LEAST_SAMPLES:
             raise RecordingError(
-                f"the recording has {shortest} samples; at least {LEAST_SAMPLES} are needed, 10 s"
-                " are good"
+                f"the recording has {shortest} samples; at least {LEAST_SAMPLES} are needed, and 10"
+                " s is plenty"
             )
         free = all(m.command is None or np.ptp(m.command) == 0.0 for m in motions)
         length = round(WINDOW_S / first.period)
@@ -182,7 +184,8 @@ class Windows:
     def split(self) -> tuple["Windows", "Windows"]:
         """Return windows to fit on, and windows to judge by.
 
-        Of several recordings, each has windows of either kind: every tenth, seven, eight and nine.
+        Of every ten windows, the last three are to judge by, so that each of several recordings has
+        windows of either kind.
         """
         count = self.outputs.shape[2]
         judged = np.arange(count) % 10 >= 10 * FIT_SHARE - 1e-9
@@ -191,7 +194,7 @@ class Windows:
         return self._only(~judged), self._only(judged)
 
     def of_one_mass(self) -> "Windows":
-        """Return them as if only the first output were known, and belonged to m1."""
+        """Return the windows as if only the first output were known, and belonged to m1."""
         own = self.quantities[0][1]
         keep = [i for i, mass in enumerate(self.at) if i == 0 or mass == own]
         quantities = ((self.quantities[0][0], 0),)
@@ -220,23 +223,24 @@ def _cut(
 
 
 class Force(NamedTuple):
-    """What acts on a mass, values (ticks,); brakes: it is friction, against the speed."""
+    """A force on a mass, values (ticks,); brakes: whether it is friction, against the speed."""
 
     mass: int
     values: Floats
     brakes: bool = False
 
     def of_rms_one(self) -> "Force":
-        """Return it in units of its own rms."""
+        """Return the force in units of its own rms."""
         with np.errstate(all="ignore"):
             size = float(np.sqrt(np.mean(self.values**2)))
         return self._replace(values=self.values / size) if 0.0 < size < math.inf else self
 
 
 def _forces(motion: Motion, quantities: tuple[tuple[str, int], ...], free: bool) -> list[Force]:
-    """Return the command, and the further forces that may follow from the measured motion.
+    """Return the command, and the further possible forces computed from the measured motion.
 
-    The latter of rms one, and of the middle of each sample's period, over which a force is held.
+    The latter have an rms of one and are computed for the middle of each sample's period, over
+    which a force is held.
     """
     command = np.zeros(motion.outputs.shape[0]) if motion.command is None else motion.command
     further = [] if free else [Force(0, command**3)]
@@ -277,7 +281,7 @@ def _matrices(x: Floats, n: int) -> tuple[Floats, Floats, Floats]:
     masses, dampers = np.exp(x[:n]), np.exp(x[n : 2 * n])
     springs, link_dampers = np.exp(x[2 * n : 3 * n - 1]), np.exp(x[3 * n - 1 : 4 * n - 2])
     damping, stiffness = np.diag(dampers), np.zeros((n, n))
-    stiffness[0, 0] = x[-1] * np.exp(x[0])  # as the square of a frequency, of either sign
+    stiffness[0, 0] = x[-1] * np.exp(x[0])  # as the square of a frequency; may be negative
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
     for i in range(n - 1):
         ends = slice(i, i + 2)
@@ -308,9 +312,10 @@ def _linear(x: Floats, n: int, windows: Windows) -> _Linear:
 
 
 def _projected(x: Floats, n: int, windows: Windows) -> tuple[Floats, Floats] | None:
-    """Return what is to be explained (ticks * windows,) and what forces explain (..., 1 + f).
+    """Return the measured motion (ticks * windows,) and that of each force (..., 1 + f), projected.
 
-    As speeds in units of each output's, stacked; None where the model overflows.
+    Both are speeds in units of each output's own, stacked, without the part that free motion and a
+    constant force can explain. None if the model overflows.
     """
     with np.errstate(all="ignore"):
         linear = _linear(x, n, windows)
@@ -343,10 +348,10 @@ def _projected(x: Floats, n: int, windows: Windows) -> tuple[Floats, Floats] | N
 def _residual(
     x: Floats, n: int, windows: Windows, strengths: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return the error, and the strengths of the further forces, solved for unless they are given.
+    """Return the error, and the strengths of the further forces; these are solved for unless given.
 
-    Parameters that cannot be distinguished, such as the mass and a spring under one sine, are
-    chosen for smaller forces: a force of the command's size costs `COST` of the motion.
+    Among parameters that cannot be distinguished, such as a mass and a spring under one sine,
+    smaller forces are preferred: a force of the command's size costs `COST` of the motion.
     """
     projected = _projected(x, n, windows)
     if projected is None:
@@ -362,7 +367,7 @@ def _residual(
     found = np.zeros(further.shape[1])
     brakes = windows.brakes[1:]
     kept = np.ones(found.size, dtype=np.bool_)
-    for _ in range(2):  # friction that drives would follow the measured motion by itself: left out
+    for _ in range(2):  # leave out friction that drives: it reproduces the measured motion
         found[:] = 0.0
         found[kept] = np.linalg.lstsq(table[:, kept], target, rcond=None)[0]
         kept &= ~(brakes & (found < 0.0))
@@ -377,7 +382,7 @@ def _descended(windows: Windows, x: Floats, n: int, steps: int = STEPS) -> Float
     scale, spread = np.ones(x.size), np.full(x.size, RANGE)
     scale[-1], spread[-1] = (2.0 * np.pi / (windows.length * windows.period)) ** 2, np.inf
     free = np.ones(x.size, dtype=np.bool_)
-    if windows.free:  # nothing tells the scale
+    if windows.free:  # the scale is undetermined
         free[0] = False
 
     def whole(part: Floats) -> Floats:
@@ -401,8 +406,8 @@ def _descended(windows: Windows, x: Floats, n: int, steps: int = STEPS) -> Float
 
 
 def _fitted(windows: Windows, n: int, simpler: Floats | None) -> Floats:
-    """Return the best fit of n masses: from a regression, or from the fit of one mass less."""
-    if simpler is None and n > 1:  # from a body of the first output alone, taken apart
+    """Return the best fit of n masses, started from a regression or from the fit of n - 1."""
+    if simpler is None and n > 1:  # from one body fitted to the first output alone, divided
         simpler = _fitted(windows.of_one_mass(), 1, None)
         for masses in range(2, n):
             simpler = next(_richer(windows, simpler, masses))
@@ -448,7 +453,7 @@ def _regressed(windows: Windows) -> Floats:
 
 
 def _richer(windows: Windows, x: Floats, n: int) -> Iterator[Floats]:
-    """Yield starts of n masses: the last mass of a fit, in two parts on a spring."""
+    """Yield starts of n masses: those of a fit, its last mass divided in two joined by a spring."""
     before = n - 1
     last = before - 1
     low = 2.0 / (windows.length * windows.period)
@@ -472,7 +477,7 @@ def _chain(x: Floats, n: int, windows: Windows) -> Chain:
     ground = max(0.0, float(x[-1] * np.exp(x[0]))) if windows.free else 0.0
     slow = 2.0 * np.pi / (windows.length * windows.period)
     masses, dampers = np.exp(x[:n]), np.exp(x[n : 2 * n])
-    dampers = np.maximum(dampers, LEAST_DAMPED * slow * masses)  # of none no fit knows a share
+    dampers = np.maximum(dampers, LEAST_DAMPED * slow * masses)  # 0 has no logarithm
     return make_chain(
         masses, dampers, ground, np.exp(x[2 * n : 3 * n - 1]),
         np.exp(x[3 * n - 1 : 4 * n - 2]),

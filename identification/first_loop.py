@@ -1,19 +1,19 @@
-"""A device to start from if the command is a goal: a loop on the position of one mass.
+"""A starting device for recordings whose command is a goal: a loop on the position of one mass.
 
     m q'' + b q' = K (g(t - tau) - q)
 
-Only the goal drives, so the scale is undetermined: m is set to 1, and K / m and b / m are fitted by
-least squares over the whole recording in a free run from its first sample, with the goal held over
-each sample. A delay tau of whole samples is fitted with them, otherwise K and b would compensate
-it; like friction and limits it is not in the returned device, since the diagnosis has to find it.
+Only the goal drives the device, so the scale is undetermined: m is set to 1, and K / m and b / m
+are fitted by least squares over a free run of the whole recording, with the goal held over each
+sample. A delay tau of whole samples is fitted too, otherwise K and b would compensate it. Like
+friction and limits, the delay is not in the returned device, since the diagnosis has to find it.
 The position is compared, or the speed if only that was measured.
 
-A loop on the speed that integrates is the same loop: with the gains k_p and k_i,
+An integrating loop on the speed is the same loop: with the gains k_p and k_i,
 
     m v' + b v = k_p (g - v) + k_i integral(g - v),
 
 and with Q and G the integrals of v and g, T = k_p / k_i, this is K = k_i, a damper b + k_p, and the
-goal G + T g. The answer is linear in T, which is solved for at every step (`speed_loop`).
+goal G + T g. The response is linear in T, which is solved for at every step (`speed_loop`).
 """
 
 import cmath
@@ -32,8 +32,8 @@ from zwidth.identification.first_device import LEAST_SAMPLES, MOST_SAMPLES, Moti
 from zwidth.identification.response import RecordingError
 
 Floats = NDArray[np.float64]
-FREQUENCIES, RATIOS = 16, (0.3, 0.7, 1.5, 4.0)  # of the loop, that are tried
-LATEST_S, MOST_DELAYS = 0.3, 24  # longest delay tried, and how many
+FREQUENCIES, RATIOS = 16, (0.3, 0.7, 1.5, 4.0)  # damping ratios of the loop that are tried
+LATEST_S, MOST_DELAYS = 0.3, 24  # longest delay tried, and number of delays
 FASTEST = 0.5  # of the loop's frequency [rad/s], over the sampling rate
 STEPS = 60
 
@@ -43,7 +43,7 @@ Left = Callable[[Floats, Floats, Floats, int], Floats]
 
 @dataclass(frozen=True)
 class FirstLoop:
-    """K / m [1/s2], b / m [1/s], the delay [s] beside them, and the error over the motion."""
+    """K / m [1/s2], b / m [1/s], the delay [s], and the rms error relative to the motion."""
 
     stiffness: float
     damper: float
@@ -53,9 +53,9 @@ class FirstLoop:
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """A loop on the speed that integrates: T [s], the delay [s], the error over the motion.
+    """An integrating loop on the speed: T [s], the delay [s], the error relative to the motion.
 
-    stiffness: K / m [1/s2]; proportional: the error of one that does not integrate.
+    stiffness: K / m [1/s2]; proportional: the error of a loop that does not integrate.
     """
 
     integral_time: float
@@ -66,9 +66,9 @@ class SpeedLoop:
 
 
 def first_loop(motions: Sequence[Motion]) -> FirstLoop:
-    """Return the loop that recordings of goals and positions show.
+    """Return the position loop fitted to recordings of goals and positions.
 
-    Raises RecordingError where they are too short, or have neither position nor velocity of m1.
+    Raises RecordingError if they are too short, or have neither position nor velocity of m1.
     """
     pairs: list[tuple[Floats, Floats]] = []
     known = (("position", 0), ("velocity", 0))
@@ -92,16 +92,17 @@ def first_loop(motions: Sequence[Motion]) -> FirstLoop:
 
 
 def speed_loop(goal: Floats, speed: Floats, period: float) -> SpeedLoop:
-    """Return what a loop on the speed is that integrates, goal and speed (samples,) in SI.
+    """Return the integrating speed loop fitted to goal and speed (samples,), both in SI.
 
-    Raises RecordingError where they are too short.
+    Raises RecordingError if they are too short.
     """
     pair = [(goal[:MOST_SAMPLES], speed[:MOST_SAMPLES])]
 
     def answers(x: Floats, late: int) -> Floats:
         asked = _late(pair[0][0], late)
         others = _answers([asked], x, asked.size, period, True)
-        # The speed under a goal's integral is what the position is under the goal: nothing is held.
+        # The speed responds to the goal's integral as the position responds to the goal; the
+        # integral is not held over a sample.
         reached = _answers([asked], x, asked.size, period, False)[:1]
         return np.vstack([reached, others])
 
@@ -130,12 +131,12 @@ def _fitted(
     period: float,
     ratios: Sequence[float] = RATIOS,
 ) -> tuple[Floats, int, float]:
-    """Return the logarithms and the delay that leave least, and that over the motion."""
+    """Return the logarithms and the delay of least error, and that error relative to the motion."""
     shortest = min(goal.size for goal, _ in pairs)
     if shortest < LEAST_SAMPLES:
         raise RecordingError(
-            f"the recording has {shortest} samples; at least {LEAST_SAMPLES} are needed, 10 s are"
-            " good"
+            f"the recording has {shortest} samples; at least {LEAST_SAMPLES} are needed, and 10 s"
+            " is plenty"
         )
 
     def residual(x: Floats, late: int) -> Floats:
@@ -159,7 +160,7 @@ def _fitted(
         return 2.0 * float(fit.cost), fit.x
 
     step = max(1, latest // MOST_DELAYS)
-    while True:  # downhill: each delay asks for a loop of its own, and the grid's is a rough one
+    while True:  # refine: each delay needs its own loop, and the grid's is only rough
         near = [d for d in (late - step, late, late + step) if 0 <= d <= latest]
         lower = min(near, key=lambda d: descended(d)[0])
         if lower == late and step == 1:
@@ -175,13 +176,13 @@ def _late(goal: Floats, late: int) -> Floats:
 
 
 def _answers(goals: Sequence[Floats], x: Floats, count: int, period: float, speed: bool) -> Floats:
-    """Return the loop's answers to goals, a constant, and how it may have begun, each a row.
+    """Return as rows the loop's responses to goals, to a constant, and to its initial state.
 
-    Of the position, or of the speed.
+    They are positions, or speeds if `speed`.
     """
     frequency, ratio = np.exp(x).tolist()
     power = _over_a_sample(frequency, ratio, period)
-    held = np.array([1.0, 0.0]) - power[:, 0]  # to where a goal that is held would bring it
+    held = np.array([1.0, 0.0]) - power[:, 0]  # to the position of a goal that is held
     poles = [1.0, -float(np.trace(power)), float(np.linalg.det(power))]
     own, other = (1, 0) if speed else (0, 1)
     zeros = [0.0, float(held[own]),
@@ -206,7 +207,7 @@ def _over_a_sample(frequency: float, ratio: float, period: float) -> Floats:
 
 
 def _unexplained(wanted: Floats, columns: Floats) -> Floats:
-    """Return the remainder of the target after a fit of the rows, large if they overflow."""
+    """Return the residual of the target after a fit of the columns, large if they overflow."""
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(wanted))):
         return np.full(wanted.size, 1e6)
     basis, _ = np.linalg.qr(columns.T)

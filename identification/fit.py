@@ -1,9 +1,9 @@
-"""The ten parameters of eq. (1) from a frequency response, with intervals that hold.
+"""The ten parameters of eq. (1) from a frequency response, with valid confidence intervals.
 
-The model's response is computed as the data's: the position under the recorded command through
-the same windows, so leakage is in both and cancels (`identification/prediction.py`). The fit is
+The model's response is computed as the data's: the position under the recorded command through the
+same windows, so leakage is in both and cancels (`identification/prediction.py`). The fit is
 weighted least squares over stable, interlacing modes (`identification/coordinates.py`), started and
-repeated as `identification/search.py` says, with the covariance of `identification/problem.py`.
+repeated as in `identification/search.py`, with the covariance of `identification/problem.py`.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from zwidth.identification.problem import Data
 from zwidth.identification.response import FrequencyResponse, RecordingError, frequency_response
 from zwidth.identification.search import REJECTED, Found, Search
 from zwidth.logs.stretches import longest_stretch
+from zwidth.shown import Valued
 from zwidth.sim.modal import ModalModel
 from zwidth.sim.trace import Trace
 
@@ -24,17 +25,17 @@ Complexes = NDArray[np.complex128]
 MIN_COHERENCE = 0.5
 INDEPENDENT = 2.0 / 3.0  # share of the bins of half-overlapping Hann windows
 Z95 = 1.959963984540054
-LEAST_CHANGE = 0.03  # of the response somewhere in the band, that a mode makes which is one
+LEAST_CHANGE = 0.03  # of the response, somewhere in the band, that a real mode makes
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Valued):
     """A fitted modal model.
 
-    covariance (p, p) of the natural logarithms of `names`, of the delay [s] itself where it was
-    fitted; misfit: mean of |H1 - H1_model|^2 over the noise's variance, 1 where the model explains
-    all but noise; noise_rms of the output within the band [rad | m]. fitted: the model's H1;
-    variance (bins,) of H1 by noise. note: a sentence on samples that lack, "" where none does.
+    covariance (p, p): of the natural logarithms of `names`, but of the delay [s] itself if it was
+    fitted. misfit: mean of |H1 - H1_model|^2 over the noise's variance, 1 if the model explains all
+    but noise. noise_rms: of the output within the band [rad | m]. fitted: the model's H1; variance
+    (bins,): of H1 by noise. note: a sentence on missing samples, "" if none are missing.
     """
 
     model: ModalModel
@@ -76,20 +77,20 @@ def fit_response(
 ) -> Fit:
     """Fit eq. (1) with a number of modes (None: as many as the data show) to a recording.
 
-    0 modes are a rigid body with a damper. If the number of modes follows from the data, a mode
-    that changes the response by less than 3 % everywhere is dropped: friction and steps leave
-    errors of this size, which a zero beside a pole would reduce.
+    0 modes are a rigid body with a damper. If the number is chosen from the data, a mode that
+    changes the response by less than 3 % everywhere is dropped: friction and steps leave errors of
+    this size, which a zero beside a pole would reduce.
 
-    delay [s] from command to force where it is known; None fits it too. Short gaps are filled in
-    (`logs/stretches.py`); of a recording with longer ones, where the clock jumps or a value is not
-    finite, the longest stretch without one is fitted: what moves the device in a gap is not known.
-    Raises RecordingError with what to record instead where the recording does not carry the fit,
+    delay: from command to force [s] if it is known; None fits it too. Short gaps are filled in
+    (`logs/stretches.py`). If there are longer ones, or the clock jumps, or a value is not finite,
+    the longest stretch without any of these is fitted, since the force in a gap is unknown. Raises
+    RecordingError, with what to record instead, if the recording does not support the fit,
     ValueError for bad arguments.
     """
     if modes is not None and not 0 <= modes <= MAX_MODES:
-        raise ValueError(f"modes is {modes}; allowed is 0, a rigid body, to {MAX_MODES}")
+        raise ValueError(f"modes is {modes}; it must be from 0 (a rigid body) to {MAX_MODES}")
     if delay is not None and not 0.0 <= delay < np.inf:
-        raise ValueError(f"delay is {delay}; allowed is >= 0 and finite [s]")
+        raise ValueError(f"delay is {delay}; it must be >= 0 and finite [s]")
     note = ""
     if command in trace.channels and output in trace.channels:
         trace, note = longest_stretch(trace, (command, output), "the recording")
@@ -125,7 +126,7 @@ def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) ->
 
 
 def _least_change(fit: Fit) -> float:
-    """Return the largest change of the response by the least important mode.
+    """Return the largest relative change of the response by the least important mode.
 
     A mode is the factor (w/v)^2 (s^2 + d s + v^2) / (s^2 + c s + w^2) of G.
     """
@@ -140,7 +141,8 @@ def _least_change(fit: Fit) -> float:
 def propose(fits: list[Fit]) -> int:
     """Return the index of the fit with the fewest modes that the data do not reject.
 
-    Bayesian criterion: misfit over noise + p ln(2 n), all against the noise of the richest fit.
+    Bayesian information criterion: misfit over noise + p ln(2 n), with the noise of the fit with
+    the most modes.
     """
     noise = fits[-1].variance
     independent = 2.0 * INDEPENDENT * noise.size

@@ -1,4 +1,4 @@
-"""What an identification gives: a device, and the fit that it comes from."""
+"""The result of an identification: a device, and the fit that it comes from."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from zwidth.sim.modal import to_chain
 
 @dataclass(frozen=True, repr=False)
 class Identified(Shown):
-    """A device fitted to a recording: use `device` as any other, `save_device` writes it.
+    """A device fitted to a recording; `device` is like any other, and `save_device` writes it.
 
     fit: intervals and covariance of its parameters, the measured response and the model's.
     """
@@ -21,9 +21,9 @@ class Identified(Shown):
 
 
 def identified(fit: Fit, name: str, unit: str, source: str, channel: str) -> Identified:
-    """Return the device of a fit. unit: of the position that was measured, by its channel.
+    """Return the device of a fit. unit: of the measured position, given by its channel.
 
-    Raises ValueError where this is no position in rad or m.
+    Raises ValueError if that is not a position in rad or m.
     """
     if unit not in ("rad", "m"):
         raise ValueError(f"channel {channel!r} is in {unit!r}; a position in rad or m is needed")

@@ -1,19 +1,21 @@
 """Spectrum of the output's noise, separated from the errors of the model.
 
 Local polynomials (Pintelon, Schoukens, Vandersteen & Barbe, Mech. Systems and Signal Processing 24,
-2010; here on the residual): over a narrow band of the whole record's transform, what a linear
-system leaves is smooth in frequency times the command, plus a smooth transient,
+2010; here on the residual): over a narrow band of the whole record's transform, the residual that a
+wrong linear model leaves is the command times a function smooth in frequency, plus a smooth
+transient,
 
     E(k) = (g0 + g1 r + g2 r^2) U(k) + t0 + t1 r + t2 r^2 + N(k),    r the distance in bins.
 
-What is left of E after these six is noise, whether or not the fitted model is right.
+The remainder of E after a fit of these six coefficients is noise, whether or not the fitted model
+is right.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-BAND = 24  # bins a band; six of them are spent on the polynomials
+BAND = 24  # bins per band; the polynomials use six of them
 DEGREE = 2
 AVERAGED = 7  # neighbouring bands
 SINGULAR = 1e-8
@@ -24,7 +26,8 @@ def noise_spectrum(
 ) -> Floats:
     """Return E|N(k)|^2 / samples at the bins of rfft(samples), (samples // 2 + 1,).
 
-    command and residual (samples,). Beyond the band from_hz to to_hz the nearest value holds.
+    command and residual (samples,). Outside the band from from_hz to to_hz the nearest value is
+    used.
     """
     samples = residual.size
     frequency = np.fft.rfftfreq(samples, period)

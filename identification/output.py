@@ -1,7 +1,7 @@
 """Fast position of a modal model under a held command: one first-order filter per pole.
 
-G = sum_p r_p / (s - p). Over one period T, a command that changes from u' to u at r after the tick
-moves the term of a pole p by
+G = sum_p r_p / (s - p). Over one period T, for a command that changes from u' to u at a time r
+after the tick, the term of a pole p becomes
 
     y_{k+1} = e^{pT} y_k + r_p h(T - r) u + r_p e^{p(T - r)} h(r) u',    h(t) = (e^{pt} - 1) / p,
 
@@ -18,13 +18,14 @@ from zwidth.sim.modal import ModalModel
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-WHOLE = 1e-9  # of a period: a remainder below is rounding of decimal input
+WHOLE = 1e-9  # of a period: a smaller remainder is rounding of decimal input
 
 
 class Terms(NamedTuple):
     """The terms of the sampled position, one per pole, all (poles,).
 
-    decay e^{pT}; newer and older: what one unit of the newer and of the older command adds.
+    decay: e^{pT}; newer and older: the contributions of one unit of the newer and of the older
+    command.
     """
 
     decay: Complexes
@@ -33,10 +34,10 @@ class Terms(NamedTuple):
 
 
 def fractions(model: ModalModel) -> tuple[Complexes, Complexes]:
-    """Return (poles, residues) of G: 0, -b/m, and the upper one of each pair of poles.
+    """Return (poles, residues) of G: 0, -b/m, and of each complex pair the upper pole.
 
-    A conjugate pair counts once here, with its residue doubled: the real part of its filter is the
-    sum of both. Raises ValueError for a mode without oscillation (c >= 2 omega).
+    The residue of a pair is doubled: the real part of this one filter is then the sum of both.
+    Raises ValueError for a mode without oscillation (c >= 2 omega).
     """
     poles: list[complex] = [0.0, -model.damping / model.inertia]
     for i, mode in enumerate(model.modes):
@@ -75,9 +76,9 @@ def split_delay(delay: float, period: float) -> tuple[int, float]:
 
 
 def position(model: ModalModel, delay: float, command: Floats, period: float) -> Floats:
-    """Return the position at each tick, from rest, under commands held from kT + delay on.
+    """Return the position at each tick, from rest; each command is held from kT + delay on.
 
-    command (ticks,) [N m | N]; nothing is commanded before the first tick.
+    command (ticks,) [N m | N]; the command is 0 before the first tick.
     """
     whole, remainder = split_delay(delay, period)
     held = delayed(command, whole)
@@ -89,7 +90,7 @@ def position(model: ModalModel, delay: float, command: Floats, period: float) ->
 
 
 def each_term(at: Terms) -> list[tuple[complex, complex, complex]]:
-    """Return (decay, newer, older) a pole, as real numbers for a real pole."""
+    """Return (decay, newer, older) of each pole, as real numbers for a real pole."""
     rows = zip(at.decay.tolist(), at.newer.tolist(), at.older.tolist(), strict=True)
     return [row if row[0].imag else (row[0].real, row[1].real, row[2].real) for row in rows]
 

@@ -1,13 +1,13 @@
-"""The H1 that a modal model gives to a recorded command, and its slope by the model's coordinates.
+"""H1 of a modal model under a recorded command, and its derivative by the model's coordinates.
 
 Each pole of G adds Re(a f_k + b f_{k-1}) to the position: f is the delayed command through one
 filter, f_{k+1} = e^{pT} f_k + u_k; a and b hold residue and hold (`identification/output.py`).
-Coordinates change a, b and e^{pT} only, and the slope of f by e^{pT} is the same filter applied to
-f. The slopes by all coordinates therefore cost two filters and two or three transforms per pole,
-however many coordinates there are.
+Coordinates change only a, b and e^{pT}, and the derivative of f by e^{pT} is the same filter
+applied to f. The derivatives by all coordinates therefore cost two filters and two or three
+transforms per pole, however many coordinates there are.
 
-What the device did before the recording began adds e^{pt} of each pole, and a constant force adds a
-ramp: `free_motion` gives their H1, to be projected out of a fit.
+The motion before the recording began adds e^{pt} for each pole, and a constant force adds a ramp:
+`free_motion` returns their H1, to be projected out of a fit.
 """
 
 from typing import NamedTuple
@@ -29,18 +29,18 @@ from zwidth.identification.response import Windows
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-STEP = 1e-6  # of a coordinate, for central differences of a, b and e^{pT}
+STEP = 1e-6  # step of a coordinate, for central differences of a, b and e^{pT}
 
 
 class Predicted(NamedTuple):
-    """H1 of a model, (bins,), and its slope by the coordinates, (bins, coordinates)."""
+    """H1 of a model, (bins,), and its derivative by the coordinates, (bins, coordinates)."""
 
     response: Complexes
     slope: Complexes
 
 
 def predict(x: Floats, coordinates: Coordinates, command: Floats, windows: Windows) -> Predicted:
-    """Return H1 and its slope at coordinates x for the command (ticks,) that the windows cut."""
+    """Return H1 and its derivative at coordinates x, for a command (ticks,) in the windows."""
     model, delay = coordinates.model(x)
     whole, remainder = split_delay(delay, windows.period)
     at = terms(model, windows.period, remainder)
@@ -70,7 +70,7 @@ def predict(x: Floats, coordinates: Coordinates, command: Floats, windows: Windo
 
 
 def _slopes(x: Floats, coordinates: Coordinates, whole: int) -> Terms:
-    """Slopes of the terms by the coordinates, each (coordinates, poles), the whole delay kept."""
+    """Derivatives of the terms, (coordinates, poles), at a fixed number of whole delay periods."""
     period = coordinates.period
 
     def at(point: Floats) -> Terms:
@@ -91,7 +91,7 @@ def free_motion(x: Floats, coordinates: Coordinates, samples: int, windows: Wind
 
 
 def free_signals(x: Floats, coordinates: Coordinates, samples: int) -> Floats:
-    """Return a ramp and the free responses of the poles but that at 0, (samples, columns)."""
+    """Return a ramp and the free responses of all poles except that at 0, (samples, columns)."""
     model, _ = coordinates.model(x)
     poles, _ = fractions(model)
     t = coordinates.period * np.arange(samples, dtype=np.float64)

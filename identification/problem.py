@@ -1,12 +1,12 @@
-"""One weighted least-squares problem: H1 measured minus H1 of a model, and what noise does to it.
+"""A weighted least-squares problem: measured H1 minus H1 of a model, and its covariance by noise.
 
-The free motion (unknown start, constant force) is projected out of error and slope.
+The free motion (unknown start, constant force) is projected out of error and derivative.
 
 Let g_p be the estimator's row for parameter p, dp = Re sum g_p conj(dH). Since dH is linear in the
 output's noise (`identification/response.py`), dp = sum_t c_p(t) n(t) with c_p the adjoint of g_p,
 and cov(p, q) = sum_f conj(C_p) C_q S_n(f) / N for noise of spectrum S_n. Overlap, taper and
 neighbouring bins are thereby accounted for exactly, to first order in the parameters. Limits: the
-command is known without error, the noise is stationary, and what the model leaves out is bias.
+command is assumed exact and the noise stationary; physics missing from the model is bias.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ MOST_STEPS = 60
 
 
 class Data(NamedTuple):
-    """What all fits to a recording share: command and output (ticks,), and H1 between them."""
+    """Data common to all fits of a recording: command and output (ticks,), and their H1."""
 
     command: Floats
     output: Floats
@@ -33,7 +33,7 @@ class Data(NamedTuple):
 
 
 class Problem:
-    """The error of coordinates in units of its standard deviation, real parts over imaginary ones.
+    """The error at given coordinates in units of its standard deviation, real parts first.
 
     start: the coordinates whose free motion is projected out; variance (bins,) of H1.
     """
@@ -54,17 +54,17 @@ class Problem:
         return self._projected(_stacked(left * self.weight))
 
     def slope(self, x: Floats) -> Floats:
-        """Return the slope of the error, (2 bins, coordinates)."""
+        """Return the derivative of the error, (2 bins, coordinates)."""
         return self._projected(_stacked(self._predicted(x).slope * self.weight[:, None]))
 
     def left(self, x: Floats) -> Complexes:
-        """Return H1 measured minus model and free motion, (bins,), unweighted."""
+        """Return measured H1 minus model and free motion, (bins,), unweighted."""
         bins = self.weight.size
         error = self.error(x)
         return -(error[:bins] + 1j * error[bins:]) / self.weight
 
     def minimised(self, x: Floats, tolerance: float) -> Floats:
-        """Return coordinates of least squared error, to this share of it."""
+        """Return coordinates of least squared error; tolerance: relative, of that error."""
         return least_squares(
             self.error, x, jac=self.slope,  # pyright: ignore[reportArgumentType]
             method="trf", x_scale="jac",
@@ -73,7 +73,7 @@ class Problem:
         ).x  # fmt: skip
 
     def covariance(self, x: Floats, spectrum: Floats) -> Floats:
-        """Return the covariance of ln(parameter), of the delay [s] itself, (p, p).
+        """Return the covariance (p, p) of ln(parameter), but of the delay [s] itself.
 
         spectrum: E|N(k)|^2 / samples of the output's noise at the bins of rfft(samples).
         """
@@ -86,7 +86,7 @@ class Problem:
         return np.real((np.conj(shapes) * (spectrum * twice)) @ shapes.T) / samples
 
     def _predicted(self, x: Floats) -> Predicted:
-        """Return the model's H1 and slope, kept for the next call at the same point."""
+        """Return the model's H1 and derivative, cached for the next call at the same point."""
         key = x.tobytes()
         if self._known is None or self._known[0] != key:
             self._known = key, predict(x, self.coordinates, self.data.command, self.windows)

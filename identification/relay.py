@@ -2,17 +2,17 @@
 
 The describing-function argument: a square wave of force +-D and the position it drives are in
 opposite phase at the oscillation's frequency, so the loop with the gain |U|/|Y| of their first
-harmonics in place of the relay would be marginal. Read as in the paper, from the peak of the
-averaged spectra of both signals and the empirical transfer function there, over the steady part.
-Here the two spectra are one long Blackman-Harris window each: on a line spectrum the ratio at the
-peak is the ratio of the harmonics, whatever the bin.
+harmonics in place of the relay would be marginal. They are read as in the paper, over the steady
+part: from the peak of the averaged spectra of both signals and the empirical transfer function
+there. Here the two spectra are one long Blackman-Harris window each: on a line spectrum the ratio
+at the peak is the ratio of the harmonics, whatever the bin.
 
-The steady state is found, not assumed: the run goes on until range and energy of the position agree
-between three stretches in a row. A run whose oscillation energy keeps growing diverges: that is a
-verdict about the loop, not a number.
+The steady state is detected, not assumed: the run goes on until range and energy of the position
+agree between three stretches in a row. A run whose oscillation energy keeps growing has the verdict
+"diverges" and no K_CR.
 
-The period is a whole number of ticks for most cycles, hence K is off the boundary by up to 15 %;
-and there may be several cycles, hence `identification/cycles.py`.
+The period of most cycles is a whole number of ticks, so K is off the boundary by up to 15 %. There
+may be several cycles: see `identification/cycles.py`.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.signal.windows import blackmanharris
 
 from zwidth.controllers.relay import relay
+from zwidth.shown import Valued
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, equations
@@ -38,12 +39,12 @@ AGREEMENT = 1e-3
 
 
 @dataclass(frozen=True)
-class RelayTest:
+class RelayTest(Valued):
     """Settings of a relay experiment.
 
-    force D of the relay [N m | N]; stretch_s: time between two checks for a steady state; steady_s:
-    length of steady state that is measured; limit_s: longest run; bound: a run ends when |position|
-    exceeds it; substeps per tick where the device needs them.
+    force: D of the relay [N m | N]; stretch_s: time between two checks for a steady state;
+    steady_s: length of steady state that is measured; limit_s: longest run; bound: |position| at
+    which a run ends; substeps: per tick, for devices that need them.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -69,8 +70,8 @@ STANDARD = RelayTest()
 
 
 @dataclass(frozen=True)
-class RelayResult:
-    """What one run did. stiffness, frequency_hz and amplitude are None unless it oscillates.
+class RelayResult(Valued):
+    """The result of one run. stiffness, frequency_hz, amplitude: None unless it oscillates.
 
     rate: growth rate [1/s] of the oscillation at the end.
     """
@@ -92,7 +93,7 @@ class Waveform:
 
 
 def reference_start(device: Device) -> Start:
-    """Return the start that the reported numbers hold for: m1 at 1e-3, all else 0, at rest."""
+    """Return the start of the reported results: m1 at 1e-3, the other masses at 0, all at rest."""
     others = device.chain.masses.size + len(device.hung()) - 1
     return Start(position=[1e-3] + [0.0] * others)
 
@@ -112,9 +113,9 @@ def waveform(
     test: RelayTest = STANDARD,
     start: Start | None = None,
 ) -> Waveform:
-    """Return the last seconds of a run from a start, else from the reference start, as in Fig. 8.
+    """Return the last seconds of a run, as in Fig. 8; start: by default the reference start.
 
-    Raises ValueError where the loop has no steady oscillation there.
+    Raises ValueError if that run has no steady oscillation.
     """
     eq = equations(device, test.substeps)
     law = relay(test.force, damping)
@@ -159,7 +160,7 @@ def _until_steady(eq: Equations, law: Controller, memory: Memory, test: RelayTes
 
 
 def _energy(velocity: Floats) -> float:
-    """Mean square under smooth weights, so that it does not depend on the phase at the ends."""
+    """Mean square with smooth weights, hence independent of the phase at the ends."""
     return float(window_weights(velocity.size) @ (velocity * velocity))
 
 
@@ -193,7 +194,7 @@ def _stretch(
 
 
 def _growth(positions: Sequence[Floats], eq: Equations) -> tuple[float, float]:
-    """Growth rate of the position's oscillation over all stretches, and its error."""
+    """Growth rate [1/s] of the position's oscillation over all stretches, and its error."""
     weights = window_weights(round(WINDOW_S / eq.period))
     position = np.concatenate(positions)
     position = position[: position.size // weights.size * weights.size].reshape(-1, weights.size)
@@ -207,7 +208,7 @@ def _growth(positions: Sequence[Floats], eq: Equations) -> tuple[float, float]:
 def critical_point(force: Floats, position: Floats, period: float) -> tuple[float, float]:
     """Return (K_CR, frequency [Hz]) from steady relay force and position, each (ticks,).
 
-    Raises ValueError where either signal is constant.
+    Raises ValueError if either signal is constant.
     """
     if np.ptp(force) == 0.0 or np.ptp(position) == 0.0:
         raise ValueError("the relay never switched in the steady part; raise its force")

@@ -5,10 +5,9 @@ exactly, H1 is linear in the output: an output disturbance n adds
 
     dH(f) = sum_w conj(U_w(f)) N_w(f) / sum_w |U_w(f)|^2,
 
-N_w the window's transform of n. `identification/` uses this both ways: the model's H1 is
-computed through the very same windows, so leakage is in model and data alike, and the covariance of
-whatever is fitted to H1 follows from the spectrum of n exactly, overlap and neighbouring bins
-included.
+N_w the window's transform of n. `identification/` uses this in two ways: the model's H1 is computed
+through the same windows, so leakage is in model and data alike, and the covariance of any fit to H1
+is computed exactly from the spectrum of n, including overlap and neighbouring bins.
 """
 
 from dataclasses import dataclass
@@ -17,24 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal.windows import hann
 
+from zwidth.shown import Valued
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 WINDOW = 4096
-UNEVEN = 0.5  # of a period, by which a sample may be early or late
-EXCITED = 1e-4  # power of the command at a bin, over the largest, that counts as excitation
+UNEVEN = 0.5  # of a period: how early or late a sample may be
+EXCITED = 1e-4  # least power of the command at an excited bin, over the largest
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used; the sentence says what to record instead."""
+    """A recording cannot be used; the message describes what to record instead."""
 
 
 @dataclass(frozen=True)
-class Windows:
+class Windows(Valued):
     """The windows of a recording and the bins that its command excites.
 
-    length of a window in samples; starts (windows,); taper (length,); bins (bins,) indices;
+    length: of a window in samples; starts (windows,); taper (length,); bins (bins,) indices;
     spectra (windows, bins) of the command; power (bins,) = sum over windows of |U_w|^2.
     """
 
@@ -92,7 +92,7 @@ class Windows:
 
 
 @dataclass(frozen=True)
-class FrequencyResponse:
+class FrequencyResponse(Valued):
     """H1 of a recording: frequency_hz, value (complex), coherence, all (bins,)."""
 
     frequency_hz: Floats
@@ -117,8 +117,8 @@ def frequency_response(
     for name in (command, output):
         if name not in trace.channels:
             raise RecordingError(
-                f"the recording has no channel {name!r}; it has {', '.join(trace.channels)}: name"
-                " the command to the motor and the position it drives"
+                f"the recording has no channel {name!r}; it has {', '.join(trace.channels)}: choose"
+                " the command to the motor and the position that it drives"
             )
     u, y = trace[command], trace[output]
     _check(trace, u, y, command, output, window)

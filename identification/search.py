@@ -1,9 +1,10 @@
-"""How a fit is found: starting values and noise are both estimated from the data.
+"""The search for a fit: starting values and noise are both estimated from the data.
 
-The first variance of H1 comes from the coherence, too large at low frequencies (leakage counts as
-noise), but independent of any model. Then twice the noise's spectrum in the last fit's residual is
-the variance. A fit that noise does not explain is tried from other starts; if none does better, the
-model is wrong, and its own error counts as variance, so that it is a compromise over the band.
+The first variance of H1 comes from the coherence. It is too large at low frequencies, where leakage
+counts as noise, but independent of any model. Then, twice, the variance is computed from the noise
+spectrum in the last fit's residual. If noise does not explain the error of a fit, other starts are
+tried. If none is better, the model is wrong, and its own error counts as variance, so that the fit
+is a compromise over the band.
 """
 
 from dataclasses import dataclass
@@ -20,20 +21,20 @@ from zwidth.identification.start import moved, starting_model
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-REJECTED = 1.5  # misfit above which noise does not explain what a fit leaves
-ROUNDS = 3  # in which a wrong model's error becomes its variance
-BETTER = 0.9  # error after a mode was moved, over that before, that counts as progress
-COARSE, FINE = 1e-4, 1e-9  # of the squared error: what the last step may still gain
+REJECTED = 1.5  # misfit above which noise does not explain the error of a fit
+ROUNDS = 3  # rounds in which a wrong model's error becomes its variance
+BETTER = 0.9  # ratio of errors after and before a mode was moved that counts as progress
+COARSE, FINE = 1e-4, 1e-9  # least relative gain of a step in the squared error
 SMOOTHED = 25  # bins over which squares are averaged into a variance
 DELAYS = (0, 1, 2, 3, 4, 6, 8, 12, 16)  # periods at which an unknown delay is started
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where a search ended.
+    """The result of a search.
 
-    spectrum of the output's noise at the bins of rfft(samples); noise (bins,): the variance of H1
-    by it; left (bins,): H1 measured minus fitted.
+    spectrum: of the output's noise at the bins of rfft(samples); noise (bins,): variance of H1 by
+    this noise; left (bins,): measured minus fitted H1.
     """
 
     x: Floats
@@ -44,7 +45,7 @@ class Found:
 
     @property
     def misfit(self) -> float:
-        """Mean squared error over the noise's variance, near 1 where the model is right."""
+        """Mean squared error over the noise's variance, near 1 if the model is right."""
         return float(np.mean(np.abs(self.left) ** 2 / self.noise))
 
 
@@ -94,7 +95,7 @@ class Search:
         return Problem(self.data, self.coordinates, x, variance).minimised(x, tolerance)
 
     def _refined(self, x: Floats) -> Found:
-        """Fit with the noise as variance, which the fits themselves tell ever better."""
+        """Fit repeatedly, each time with the variance of the noise in the last fit's residual."""
         found = self._judged(x, self.rough)
         for tolerance in (COARSE, FINE):
             x = self._minimised(found.x, found.noise, tolerance)
@@ -112,7 +113,7 @@ class Search:
         return again if self._cost(again) < BETTER * self._cost(x) else None
 
     def _compromise(self, x: Floats) -> Found:
-        """Fit what the model cannot explain, counting its error as variance."""
+        """Fit with the error of the model counted as variance."""
         found = self._judged(x, self.rough)
         for _ in range(ROUNDS):
             variance = found.noise + smoothed(np.abs(found.left) ** 2)
@@ -126,7 +127,7 @@ class Search:
         return residual - basis @ (basis.T @ residual)
 
     def _judged(self, x: Floats, variance: Floats) -> Found:
-        """Return what a fit leaves, and how much of it is noise."""
+        """Return the error of a fit, and the noise in it."""
         problem = Problem(self.data, self.coordinates, x, variance)
         command, period = self.data.command, self.windows.period
         fitted = position(*self.coordinates.model(x), command, period)

@@ -1,12 +1,12 @@
-"""Starting values for the fit, from the response alone.
+"""Starting values for the fit, from the measured response alone.
 
-Mobility V = s G / (hold) is a ratio of polynomials of degrees 2k and 2k + 1. Linear least squares
-on N - V D = 0 with the weights of the last iteration's 1/|D| (Sanathanan & Koerner, IEEE T.
-Automatic Control 8, 1963), s scaled by the band's upper end. Roots are then made stable and
+Mobility V = s G / (hold) is a ratio of polynomials of degrees 2k and 2k + 1. N - V D = 0 is solved
+by linear least squares with the weight 1/|D| of the previous iteration (Sanathanan & Koerner, IEEE
+T. Automatic Control 8, 1963), with s scaled by the band's upper end. Roots are then made stable and
 interlacing.
 
 A fit from there may end with a mode that cancels itself while another mode is missing: `moved`
-moves the first to the place of the second.
+moves the first to the frequency of the second.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from zwidth.sim.modal import ModalModel, Mode
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 ROUNDS = 30
-NEW_DAMPING = 0.1  # c and d over omega of a mode put in by hand
+NEW_DAMPING = 0.1  # c and d over omega of an inserted mode
 SPLIT = 1.01  # least ratio of a pole to the zero before it, or of a zero to its pole
 
 
@@ -40,10 +40,10 @@ def starting_model(
 
 
 def moved(model: ModalModel, omega: float) -> ModalModel:
-    """Return the model with the mode that does least put at a frequency [rad/s], nearly cancelled.
+    """Return the model with its least important mode moved to omega [rad/s], nearly cancelled.
 
-    Zeros and poles alternate whatever the place: a pair goes in as zero and pole between modes, as
-    pole and zero inside one.
+    Zeros and poles alternate in any case: between modes the pair is inserted as zero, then pole;
+    inside a mode as pole, then zero.
     """
     effect = [abs(np.log(m.omega / m.v)) + abs(m.c - m.d) / m.omega for m in model.modes]
     kept = [m for i, m in enumerate(model.modes) if i != int(np.argmin(effect))]
@@ -54,7 +54,7 @@ def moved(model: ModalModel, omega: float) -> ModalModel:
 
 
 def _apart(modes: list[Mode]) -> list[Mode]:
-    """Raise each zero above the pole before it."""
+    """Raise each zero above the preceding pole."""
     found: list[Mode] = []
     floor = 0.0
     for mode in modes:
@@ -65,7 +65,7 @@ def _apart(modes: list[Mode]) -> list[Mode]:
 
 
 def _rational(s: Complexes, value: Complexes, weight: Floats, degree: int) -> tuple[Floats, Floats]:
-    """Ascending coefficients of N (degree) and D (degree + 1, leading one 1), N/D near value."""
+    """Ascending coefficients of N (degree) and monic D (degree + 1), N/D near value."""
     powers = s[:, None] ** np.arange(degree + 2)
     scaling = weight
     solution = np.zeros(2 * degree + 2)

@@ -1,4 +1,4 @@
-"""Where tasks run, chosen from what the user asks for."""
+"""The executor of tasks, chosen by the user's options."""
 
 from contextlib import AbstractContextManager, nullcontext
 
@@ -9,14 +9,14 @@ from zwidth.jobs.executor import Executor, Local, Processes
 def executor(
     cluster: str | None = None, processes: int | None = None
 ) -> AbstractContextManager[Executor]:
-    """Return what tasks run on, for a `with` statement.
+    """Return an executor of tasks, for a `with` statement.
 
-    cluster: address of a Dask scheduler (tcp://host:8786), or the file it wrote its address to.
-    processes: on this machine; None: in this process, on threads. Raises ValueError for both, for a
-    missing package, and where no scheduler answers or no worker is there.
+    cluster: address of a Dask scheduler (tcp://host:8786), or the file that it wrote its address
+    to. processes: how many on this machine; None: threads of this process. Raises ValueError if
+    both are given, a package is missing, no scheduler answers, or there is no worker.
     """
     if cluster is not None:
         if processes is not None:
-            raise ValueError("processes on this machine and a cluster exclude each other; give one")
+            raise ValueError("processes and a cluster are given; give one of them")
         return Cluster(cluster)
     return nullcontext(Local() if processes is None else Processes(processes))

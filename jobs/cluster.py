@@ -1,9 +1,8 @@
 """Tasks on many machines, by Dask (`pip install 'zwidth[cluster]'`).
 
-If a worker dies, Dask gives its task to another worker. In addition: a restarted scheduler has
-forgotten everything, so missing results are requested again; workers with other code than the
-driver are refused, since their results would not be the same; and only as many tasks are in flight
-as are needed to keep all cores busy.
+If a worker dies, Dask gives its task to another worker. In addition, results that a restarted
+scheduler has forgotten are requested again; workers with other code than the driver's are refused,
+since their results would differ; and only as many tasks are in flight as keep all cores busy.
 """
 
 import errno
@@ -31,19 +30,19 @@ if TYPE_CHECKING:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 NOISY = ("distributed", "distributed.client", "tornado.application")
-PROCESS = uuid4().hex  # of this process: whoever has another one is a worker
+PROCESS = uuid4().hex  # of this process; a worker has another one
 LOOK_EVERY = 0.5  # [s] for lost workers and a lost scheduler
-ANSWER_WITHIN = 10.0  # [s] a scheduler and the first worker, when one connects
+ANSWER_WITHIN = 10.0  # [s] for a scheduler and its first worker, when connecting
 
 
 def _work(function: Callable[[Task], Result], wanted: str, driver: str, task: Task) -> Result:
-    """Run one task, at the worker."""
+    """Run one task on the worker."""
     if driver != PROCESS:
-        os.environ["ZWIDTH_THREADS"] = "1"  # the cores have a task each
+        os.environ["ZWIDTH_THREADS"] = "1"  # one task per core
     found = code_digest(function)
     if found != wanted:
         raise ValueError(
-            f"the worker on {platform.node()} runs other code than this program ({found}, not"
+            f"the worker on {platform.node()} runs different code from this program ({found}, not"
             f" {wanted}); install the same zwidth, numpy, scipy, numba and Python there"
         )
     return function(task)
@@ -54,7 +53,7 @@ class Cluster:
 
     address: tcp://host:8786, or the JSON file to which the scheduler wrote it. patience [s]: how
     long a scheduler or the last worker may be away before the run ends with OSError. Entering
-    raises ValueError where the package is missing, no scheduler answers or no worker is there.
+    raises ValueError if the package is missing, no scheduler answers or there is no worker.
     """
 
     def __init__(self, address: str, patience: float = 60.0) -> None:
@@ -69,7 +68,7 @@ class Cluster:
             raise ValueError(
                 "a cluster needs the package distributed; pip install 'zwidth[cluster]'"
             ) from None
-        for name in NOISY:  # what matters of it is said in a sentence of ours
+        for name in NOISY:  # our own messages contain the important parts
             logging.getLogger(name).setLevel(logging.CRITICAL)
         file = self.address.endswith(".json")
         try:
@@ -94,7 +93,7 @@ class Cluster:
 
     @property
     def cores(self) -> int:
-        """How many tasks run side by side: the threads of all workers, now."""
+        """How many tasks run side by side: the present number of threads of all workers."""
         return max(1, _cores(self._opened()))
 
     def run(
@@ -147,11 +146,12 @@ class Cluster:
         except KilledWorker as error:
             raise ChildProcessError(
                 errno.ECHILD,
-                f"{error.allowed_failures + 1} workers died in {str(error.task).split('+')[0]!r};"
-                " check the memory that they need; finished parts are kept",
+                f"{error.allowed_failures + 1} workers died while computing"
+                f" {str(error.task).split('+')[0]!r}; they may need more memory; finished parts are"
+                " kept",
             ) from None
         finally:
-            with suppress(Exception):  # the scheduler may be gone, and with it what is cancelled
+            with suppress(Exception):  # the scheduler may be gone, and with it the tasks to cancel
                 client.cancel(list(flying), force=True)
 
     def _opened(self) -> "Client":
@@ -190,7 +190,7 @@ def _cores(client: "Client") -> int:
 
 
 class _Watch:
-    """Looks now and then whether scheduler and workers are there, and counts cores."""
+    """Periodic check that scheduler and workers are present, and count of cores."""
 
     def __init__(self, client: "Client", address: str, patience: float) -> None:
         self.client, self.address, self.patience = client, address, patience
@@ -199,7 +199,7 @@ class _Watch:
         self.next = 0.0
 
     def scheduler_knows(self, flying: "Mapping[Future[Any], str]") -> bool:
-        """Whether what is on its way is still known there; raises OSError if all workers left."""
+        """Whether the scheduler still has the running tasks; raises OSError if all workers left."""
         now = time.monotonic()
         if now < self.next:
             return True

@@ -1,4 +1,4 @@
-"""What a result depends on besides its task: the code, its libraries, and Python."""
+"""A digest of what a result depends on besides its task: the code, its libraries and Python."""
 
 import ast
 import hashlib
@@ -15,7 +15,7 @@ PLACES = [Path(place) for place in import_module("zwidth").__path__]
 
 
 def code_digest(function: Callable[..., Any]) -> str:
-    """Return the digest of the files a function's module imports, of libraries, and of Python."""
+    """Return the digest of all files that a function's module imports, libraries and Python."""
     while isinstance(function, partial):
         function = function.func
     return _of_module(function.__module__)
@@ -31,9 +31,9 @@ def _of_module(module: str) -> str:
 
 
 def _sources(module: str) -> Iterator[bytes]:
-    """Yield the files of ours that a module imports, directly or through others, each once.
+    """Yield the project's files that a module imports, directly or through others, each once.
 
-    A package that imports its modules by their names (the library of effects) counts whole.
+    Of a package that imports its modules by name (the library of effects), all files count.
     """
     seen, waiting = set[str](), [module]
     while waiting:

@@ -1,8 +1,8 @@
-"""Where many independent tasks run: in this process, in several, or on a cluster (`cluster.py`).
+"""Executors of many independent tasks: this process, several, or a cluster (`cluster.py`).
 
-A task is a key and a value. The function gives the same result for a value wherever and however
-often it runs, so only tasks whose worker was lost are run again, and each key is returned once. A
-caller that keeps results by their keys continues from there the next time.
+A task is a key and a value. The function gives the same result for a value on every run and
+machine, so a task is run again only if its worker was lost, and each key is returned once. A caller
+that stores results by their keys can continue from them.
 """
 
 import errno
@@ -18,12 +18,12 @@ from typing import Protocol, TypeVar
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-AHEAD = 4  # tasks a core that wait for it, so that it never waits for one
-PATIENCE = 3  # losses of workers in a row, with nothing finished between, that are borne
+AHEAD = 4  # waiting tasks per core, so that no core is idle
+PATIENCE = 3  # losses of workers in a row, with nothing finished between, that are tolerated
 
 
 class Executor(Protocol):
-    """What runs tasks. Opened by `executor`, closed with its `with` block."""
+    """Runs tasks. Opened by `executor`, closed at the end of its `with` block."""
 
     @property
     def cores(self) -> int:
@@ -33,17 +33,17 @@ class Executor(Protocol):
     def run(
         self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
     ) -> Generator[tuple[str, Result]]:
-        """Yield (key, function(task)) of every task once, in the order in which they finish.
+        """Yield (key, function(task)) once per task, in the order in which they finish.
 
-        function, tasks and results can be pickled. An exception in `function` is raised here, and
-        no further tasks are started; closing the generator stops it in the same way. Raises OSError
-        where all workers are lost for good.
+        function, tasks and results must be picklable. An exception in `function` is raised here,
+        and no further tasks are started; closing the generator also starts no more. Raises OSError
+        if all workers are lost for good.
         """
         ...
 
 
 class Local:
-    """One task after another in this process; a task takes all threads (`jobs.parallel`)."""
+    """Tasks one after another in this process; each uses all threads (`jobs.parallel`)."""
 
     cores = 1
 
@@ -56,15 +56,15 @@ class Local:
 
 
 class Processes:
-    """Tasks in processes of their own on this machine, one thread each: for work in Python.
+    """Tasks in separate processes on this machine, one thread each: for work in Python.
 
-    If a process dies, the tasks of the other processes are lost, too, at most one per core; they
-    are run again. Raises ValueError for a count below 1.
+    If a process dies, the other processes' running tasks are lost too, at most one per core; all
+    these are run again. Raises ValueError for a count below 1.
     """
 
     def __init__(self, count: int) -> None:
         if count < 1:
-            raise ValueError(f"{count} processes cannot work; give a whole number from 1 on")
+            raise ValueError(f"processes is {count}; it must be a whole number of 1 or more")
         self.cores = count
 
     def run(
@@ -83,8 +83,8 @@ class Processes:
                 if losses > PATIENCE:
                     raise ChildProcessError(
                         errno.ECHILD,
-                        f"processes died {losses} times while computing {next(iter(left))!r} and"
-                        " its neighbours; check the memory that they need, or use fewer processes",
+                        f"worker processes died {losses} times while computing {next(iter(left))!r}"
+                        " and tasks beside it; they may need more memory: use fewer processes",
                     ) from None
 
     def _in_one_pool(
@@ -93,7 +93,7 @@ class Processes:
         waiting = iter(tasks.items())
         spawn = get_context(
             "spawn"
-        )  # a fork would take along locks that its threads do not release
+        )  # a fork would copy locks without the threads that release them
         pool = ProcessPoolExecutor(self.cores, spawn, _as_worker)
         flying: dict[Future[Result], str] = {}
         try:
@@ -110,15 +110,15 @@ class Processes:
 
 def _as_worker() -> None:
     os.environ["ZWIDTH_THREADS"] = "1"
-    for ends in (signal.SIGINT, signal.SIGTERM):  # Ctrl-C reaches all: end at once, say nothing
+    for ends in (signal.SIGINT, signal.SIGTERM):  # Ctrl-C reaches all: end silently
         signal.signal(ends, signal.SIG_DFL)
     Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that began it has gone: killed, it ends nobody itself.
+    """End this process when its parent is gone: a killed parent cannot end its children.
 
-    A task may have an hour to go, and nobody would read its result.
+    Otherwise a task might run on for an hour, and nobody would read its result.
     """
     parent = parent_process()
     if parent is not None:

@@ -1,4 +1,4 @@
-"""One program at a time fills a folder: two would do all work twice and write over each other."""
+"""A lock on a folder: two programs would do all work twice and overwrite each other's results."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,16 +6,14 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-NAME = (
-    ".lock"  # stays there, empty; held by the operating system, so a killed program lets go of it
-)
+NAME = ".lock"  # stays, empty; the system releases a killed program's lock
 
 
 @contextmanager
 def only_driver(folder: Path) -> Generator[None]:
-    """Hold a folder (it is made) for this program alone.
+    """Lock a folder, created if necessary, for this program alone.
 
-    Raises ValueError where another program holds it, OSError where it cannot be made.
+    Raises ValueError if another program has locked it, OSError if it cannot be created.
     """
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / NAME, blocking=False)

@@ -9,28 +9,28 @@ from functools import cache
 from typing import TypeVar
 
 Result = TypeVar("Result")
-MOST = 1024  # threads, far more than are ever asked for at once
+MOST = 1024  # threads, far more than are ever needed at once
 
 
 def threads() -> int:
     """Return the number of threads for batches: ZWIDTH_THREADS, else all cores.
 
-    Raises ValueError where ZWIDTH_THREADS is no whole number from 1 on.
+    Raises ValueError if ZWIDTH_THREADS is not a whole number from 1 on.
     """
     wanted = os.environ.get("ZWIDTH_THREADS")
     if not wanted:
         return os.cpu_count() or 1
     if not wanted.isdecimal() or int(wanted) < 1:
-        raise ValueError(f"ZWIDTH_THREADS is {wanted!r}; a whole number from 1 on is needed")
+        raise ValueError(f"ZWIDTH_THREADS is {wanted!r}; it must be a whole number of 1 or more")
     return int(wanted)
 
 
 def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Result]:
     """Run tasks on threads (kernels release the interpreter's lock); results in task order.
 
-    Each sees the context variables of the caller, who works as well: so tasks may ask for the same,
-    and nobody waits for a task that nobody has begun. Raises what the first task of those that
-    failed raised; after a failure none is begun.
+    Each task sees the context variables of the caller. The calling thread works too, so tasks may
+    themselves call `in_parallel` without waiting for a task that no thread has started. After a
+    failure no further task is started, and the exception of the first failed task is raised.
     """
     if workers == 1 or len(tasks) <= 1:
         return [task() for task in tasks]
@@ -60,7 +60,7 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Res
             if not helper.cancel():
                 helper.result()
     finally:
-        over.set()  # an interrupt here begins nothing more either
+        over.set()  # after an interrupt here no more tasks are started either
     if broken:
         raise broken[min(broken)]
     return [found[i] for i in range(len(tasks))]
@@ -68,9 +68,9 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Res
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return the threads that are kept; one is started where none is idle."""
+    """Return the process-wide pool, which starts a thread if none is idle."""
     return ThreadPoolExecutor(MOST, thread_name_prefix="zwidth")
 
 
-if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+if hasattr(os, "register_at_fork"):  # a forked process does not have its parent's threads
     os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,10 +1,10 @@
-"""Results of numbered tasks in a folder: each written whole, and read again to continue.
+"""Results of numbered tasks in a folder: each is written whole and read again by a later run.
 
-A folder holds a description (what the work is) and `part-00000.npz`, ..., numbered in the order in
-which the work needs them and written in the order in which they are finished. A run that stops,
-however abruptly, leaves complete parts. The next run checks that they belong to the same work, and
-computes those that are missing or damaged. The description marks the parts as the work's own, which
-may be overwritten; a folder with parts but without a description belongs to somebody else.
+The folder has a description of the work and `part-00000.npz`, ..., numbered in the order in which
+the work needs them and written as they are finished. A run that stops, however abruptly, leaves
+only complete parts. The next run checks that they belong to the same work, and computes those that
+are missing or damaged. With the description, the parts count as the work's own and may be
+overwritten; a folder with parts but without a description is not touched.
 """
 
 import io
@@ -26,10 +26,9 @@ UNREADABLE = (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.B
 class PartStore:
     """The parts of one piece of work in a folder.
 
-    identity: what the work is; under "sha256" and "engine" it has its digest and that of the code
-    that does it. what: the work and its subject in words, ("map", "plane"); the description is
-    `plane.json`. Raises ValueError where the folder holds other work, OSError where it cannot be
-    made.
+    identity: the description of the work, with its digest under "sha256" and the code's under
+    "engine". what: the work and its subject in words, ("map", "plane"); the description is then in
+    `plane.json`. Raises ValueError if the folder has other work, OSError if it cannot be created.
     """
 
     def __init__(self, folder: Path, identity: dict[str, Any], what: tuple[str, str]) -> None:
@@ -58,7 +57,7 @@ class PartStore:
                 )
 
     def read(self, number: int) -> Arrays | None:
-        """Return the arrays of a part by name, if it is there and whole."""
+        """Return the arrays of a part by name; None if it is missing or damaged."""
         try:
             content = io.BytesIO(self._file(number).read_bytes())
             with np.load(content, allow_pickle=False) as part:
@@ -69,8 +68,8 @@ class PartStore:
     def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write a part, whole or not at all; raises OSError.
 
-        A power cut may take the last of them, which are then run again: to wait for the disk at
-        every part would take ten times as long as to write it.
+        A power cut may lose the last parts, which are then computed again: waiting for the disk
+        would take ten times as long as writing a part.
         """
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **dict(arrays))

@@ -1,4 +1,4 @@
-"""What is said of stretches of time in a log, as viewers of MCAP files show it.
+"""Annotations of stretches of time in a log, as viewers of MCAP files show them.
 
 Each annotation is written twice: as a `foxglove.Event`, which has a beginning and an end, and as a
 `foxglove.Log`, which has a severity and stands in a log panel. Foxglove knows both by their names;
@@ -26,6 +26,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from zwidth.logs.clock import to_log_time
 from zwidth.logs.container import Content, encode
 from zwidth.logs.errors import LogBlockError
+from zwidth.shown import fields_html
 
 RANGES, TEXTS = "/annotations", "/annotations_text"
 Severity = Literal["info", "warning", "error"]
@@ -73,7 +74,7 @@ LOG = """
 
 
 class Annotation(NamedTuple):
-    """What is said of a stretch of time, from start [s] to end [s], both within it.
+    """An annotation of a stretch of time, from start [s] to end [s], inclusive.
 
     name: a word that no other annotation of the log has. text: one sentence. details: more of it,
     by name; "name", "severity" and "text" are taken.
@@ -85,6 +86,8 @@ class Annotation(NamedTuple):
     name: str
     text: str
     details: Mapping[str, str] = MappingProxyType({})
+
+    _repr_html_ = fields_html
 
 
 class Kind(NamedTuple):
@@ -177,7 +180,7 @@ def _check(annotations: Sequence[Annotation]) -> None:
         if one.severity not in get_args(Severity):
             allowed = ", ".join(get_args(Severity))
             raise LogBlockError(
-                f"severity of {one.name} is {one.severity!r}, not one of {allowed}; choose one"
+                f"severity of {one.name} is {one.severity!r}; it must be one of {allowed}"
             )
         if not one.start <= one.end:
             raise LogBlockError(

@@ -237,8 +237,8 @@ class _Reader:
         if most < FEWEST:
             raise RecordingError(
                 f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see"
-                " what its columns are: some seconds of motion are needed; see whether the file was"
-                " written to its end"
+                " what its columns are: some seconds of motion are needed; check whether the file"
+                " was written to its end"
             )
 
     # --- time
@@ -276,7 +276,7 @@ class _Reader:
             period, where = told
             roles.append(("time", f"samples every {period:.6g} s, by {where}"))
             if why:
-                doubts.append(f"no column is used as time{why}: {where} tells the period")
+                doubts.append(f"no column is used as time{why}: {where} gives the period")
         else:
             given = self._asked("sampling period in seconds", [], f"{PERIOD_S:g}")
             period, where = _positive(given) or PERIOD_S, "no column seems to be time"
@@ -311,7 +311,7 @@ class _Reader:
                                  ("s", "ms", "us", "ns"), likely)  # fmt: skip
             self.found.doubts.append(
                 f"{time.name} has steps of {step:g} and no unit: taken as {likely}; correct"
-                " time_unit if it is another, or say period_s if it only counts"
+                " time_unit if it is another, or give period_s if it only counts samples"
             )
         return likely
 
@@ -327,8 +327,8 @@ class _Reader:
         t = np.asarray(self.t, dtype=np.float64)
         own = [examine(t[k & np.isfinite(t)]).period for k in known.values()]
         self.found.doubts.append(
-            f"{_words(names)} stand in rows of their own, as signals on clocks of their own do:"
-            f" they are brought onto one axis of {own[0]:.6g} s"
+            f"{_words(names)} are in rows of their own, as signals with clocks of their own are:"
+            f" they are resampled to one axis of {own[0]:.6g} s"
         )
         return [f"resample = {float(f'{own[0]:.9g}')!r} # signals with clocks of their own"]
 
@@ -398,9 +398,9 @@ class _Reader:
                     " numbers (time, position, torque ...), or name them in a recording TOML"
                 )
             raise RecordingError(
-                f"{self.source.path.name} does not say which of {_words(rest)} is the position;"
-                " name it in a recording TOML;"
-                f" 'zwidth convert {self.source.path} FILE.toml' drafts one"
+                f"nothing in {self.source.path.name} shows which of {_words(rest)} is the position;"
+                f" name it in a recording TOML; 'zwidth convert {self.source.path} FILE.toml'"
+                " drafts one"
             )
         self.found.doubts.append(
             f"{chosen} is taken for the position, without any sign of what it is"
@@ -493,7 +493,7 @@ class _Reader:
             chosen = self._asked("which joint is it about", known, first)
             if self.ask is None:
                 self.found.doubts.append(
-                    f"{_words(known[:8])} are of several joints: {chosen} is taken, which moves"
+                    f"{_words(known[:8])} belong to several joints: {chosen} is taken, which moves"
                     " most; --joint takes another"
                 )
             return {f"{quantity}_m1": chosen}
@@ -501,8 +501,8 @@ class _Reader:
                              known[0])  # fmt: skip
         if self.ask is None:
             self.found.doubts.append(
-                f"{_words(known)} may each be the {quantity}: {chosen} is taken; add another as"
-                " an [[output]] at m2 if it is of a second mass"
+                f"{_words(known)} may each be the {quantity}: {chosen} is taken; add another as an"
+                " [[output]] at m2 if it belongs to a second mass"
             )
         return {f"{quantity}_m1": chosen}
 
@@ -549,7 +549,8 @@ class _Reader:
             if abs(size - 1.0) > SCALED:
                 self.found.doubts.append(
                     f"{name} is {size:.4g} times the slope of {position} in these units, so one of"
-                    " the two has another: it is left out; add it as an [[output]] with scale"
+                    f" the two has another unit: {name} is left out; add it as an [[output]] with"
+                    " its scale"
                 )
             elif seen.news > NOTHING_NEW and not found:
                 found = {"velocity_m1": name}
@@ -619,7 +620,7 @@ class _Reader:
         return self._unnamed_command(outputs)
 
     def _place(self, name: str, said: Naming, motion: str, moves: str) -> tuple[float, int] | None:
-        """Return the rank of a signal among possible commands, best first; None if it is none."""
+        """Return the rank of a signal among possible commands, best first; None if not one."""
         signals = self.source.signals
         if said.drives:
             if said.quantity == "voltage" and said.role == "" and supplies(signals[name]):
@@ -645,18 +646,18 @@ class _Reader:
             return rest[0]
         if not rest:
             others = [n for n in self.names if n not in used and self.seen[n].seems in NO_COMMAND]
-            none = f" ({_words(others[:8])} can be none)" if others else ""
+            none = f" ({_words(others[:8])} cannot be one)" if others else ""
             self.found.doubts.append(
-                f"no column seems to be a command{none}: taken as a free motion; if"
-                " something drives, record its torque, current, voltage or goal, too"
+                f"no column seems to be a command{none}: taken as a free motion; if something"
+                " drives it, record its torque, current, voltage or goal, too"
             )
             return None
         default = rest[0] if moving and len(rest) == 1 else NOBODY
         chosen = self._asked("which column drives the device", [*rest, NOBODY], default)
         if chosen == NOBODY and self.ask is None:
             self.found.doubts.append(
-                f"none of {_words(rest)} says that it is the command: taken as a motion that"
-                " nothing drives; name the command as [input] if one drives"
+                f"nothing shows that one of {_words(rest)} is the command: taken as a motion that"
+                " nothing drives; if one of them drives it, give that one as [input]"
             )
         return None if chosen == NOBODY else chosen
 
@@ -680,8 +681,8 @@ class _Reader:
         chosen = self._asked("does the device turn or slide", ("turns", "slides"), "turns")
         if self.ask is None:
             self.found.doubts.append(
-                "no unit and no name says whether the device turns or slides: it is taken to turn"
-                " (rad, N m); say rotary = false and correct the units if it slides"
+                "no unit and no name shows whether the device turns or slides: it is taken to turn"
+                " (rad, N m); set rotary = false and correct the units if it slides"
             )
         return chosen == "turns"
 
@@ -802,12 +803,12 @@ class _Reader:
 
 
 def _unscaled(name: str, quantity: str, unit: Unit, own: str) -> str:
-    """Say what follows from a scale that is not known."""
+    """A sentence on the consequences of an unknown scale."""
     if quantity == "command":
         return (
             f"{name} is in {unit.si}, and how much {own} that is is not known: 1 {own} per"
             f" {unit.si} is taken, so masses, springs, dampers and friction are counted in"
-            f" {unit.si}; give scale where the motor's constant is known"
+            f" {unit.si}; give scale if the motor's constant is known"
         )
     return f"{name} is in {unit.si}: each is taken as 1 {own}; give counts_per_rev or scale"
 

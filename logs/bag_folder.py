@@ -25,6 +25,7 @@ from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 from zwidth.logs.foreign_mcap import Topic, open_topic, read_foreign_mcap, signals_of
 from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError, Signal, Source
+from zwidth.logs.unpacked import most_bytes
 
 METADATA, MARK = "metadata.yaml", "rosbag2_bagfile_information:"
 SQLITE = b"SQLite format 3\x00"
@@ -56,7 +57,7 @@ def read_bag(path: Path) -> Source:
 def bag_files(path: Path) -> list[Path]:
     """Return the files of a folder in their order.
 
-    Raises RecordingError where metadata.yaml names a file that is not there or lies elsewhere, none
+    Raises RecordingError if metadata.yaml names a file that is not there or lies elsewhere, none
     at all, or a compression that is not zstd.
     """
     text = _metadata(path)
@@ -73,14 +74,14 @@ def bag_files(path: Path) -> list[Path]:
             break
         names.append(found[1])
     if not names:
-        raise RecordingError(f"{METADATA} of {path.name} names no file; record it again")
+        raise RecordingError(f"{METADATA} of {path.name} lists no file; record it again")
     for name in names:
         if Path(name).name != name or name == "..":
             raise RecordingError(
-                f"{METADATA} of {path.name} names {name!r}, which is not a file in that folder"
+                f"{METADATA} of {path.name} lists {name!r}, which is not a file in that folder"
             )
         if not (path / name).is_file():
-            raise RecordingError(f"{path.name} lacks {name!r}, which its {METADATA} names; add it")
+            raise RecordingError(f"{path.name} lacks {name!r}, which its {METADATA} lists; add it")
     return [path / name for name in names]
 
 
@@ -90,7 +91,7 @@ def _metadata(path: Path) -> str:
 
 
 def _unpacks_messages(path: Path) -> Callable[[bytes], bytes] | None:
-    """Return what unpacks a message, None where messages are not compressed by themselves."""
+    """Return what unpacks a message, None if messages are not compressed by themselves."""
     mode = dict(MODE.findall(_metadata(path))).get("mode", "")
     return _unpacked if mode.lower() == "message" else None
 
@@ -153,8 +154,8 @@ def _topic(number: int, name: str, kind: str, form: str, definition: str | None)
     text = _standard(kind) if definition is None else definition
     if text is None:
         return (
-            f"{name} is of {kind}, whose definition the bag lacks; 'pip install zwidth[ros]' brings"
-            " those of standard types"
+            f"{name} is of {kind}, whose definition the bag lacks; 'pip install zwidth[ros]'"
+            " installs those of standard types"
         )
     schema = Schema(data=text.encode(), encoding="ros2msg", id=number, name=kind)
     return open_topic(Channel(number, name, form, {}, number), schema)
@@ -185,15 +186,16 @@ def _part(file: Path, unpack: Callable[[bytes], bytes] | None) -> Source:
 
 
 def _whole(file: Path, stream: BinaryIO, folder: Path) -> Path:
-    """Unpack a file of a bag; raises RecordingError where it is damaged or too large."""
+    """Unpack a file of a bag; raises RecordingError if it is damaged or too large."""
     target, size = folder / file.name.removesuffix(".zstd"), 0
+    most = most_bytes(file.stat().st_size, MOST_BYTES)
     try:
         with target.open("wb") as out:
             for piece in ZstdDecompressor().read_to_iter(stream):
                 size += len(piece)
-                if size > MOST_BYTES:
+                if size > most:
                     raise RecordingError(
-                        f"{file.name} unpacks to more than {MOST_BYTES >> 30} GiB; unpack it"
+                        f"{file.name} unpacks to more than {most >> 20} MiB; unpack it"
                         " yourself and take a part of it"
                     )
                 out.write(piece)

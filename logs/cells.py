@@ -57,7 +57,7 @@ class Tally:
 
 
 def column_of(name: str, cells: Iterable[object]) -> tuple[Floats, str] | None:
-    """Return a column of texts and numbers as float64, and its note; None where it is text.
+    """Return a column of texts and numbers as float64, and its note; None if it is text.
 
     A blank cell, or None, is NaN.
     """
@@ -83,7 +83,7 @@ def column_of(name: str, cells: Iterable[object]) -> tuple[Floats, str] | None:
 
 
 def number_in(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, NaN where it says so, or None."""
+    """Return the number in a cell, NaN for a cell that means NaN, or None."""
     if cell in NOT_A_NUMBER:
         return math.nan
     if "_" in cell or (decimal == "," and "." in cell):

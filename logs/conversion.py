@@ -1,4 +1,4 @@
-"""Raw numbers of a signal to the SI values of a channel, and the sentence that says how."""
+"""Convert raw numbers of a signal to the SI values of a channel; return a sentence on how, too."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 
 @dataclass(frozen=True)
 class Converted:
-    """values (samples,) in SI. rotary: what the unit shows, None where it does not.
+    """values (samples,) in SI. rotary: what the unit shows, None if it does not.
 
     goal: whether they are positions to go to, or speeds that `integrated` makes such positions of.
     """
@@ -28,7 +28,7 @@ class Converted:
 
 
 def convert(entry: Entry, signal: Signal) -> Converted:
-    """Return the channel of a signal; raises RecordingError where its unit does not suit."""
+    """Return the channel of a signal; raises RecordingError if its unit does not suit."""
     unit, warnings = (Unit("", 1.0), []) if entry.quantity == COVARIATE else _unit(entry, signal)
     raw = signal.floats()
     if signal.values.dtype.kind in "iu" and np.abs(raw).max() > LARGEST_EXACT:
@@ -39,8 +39,8 @@ def convert(entry: Entry, signal: Signal) -> Converted:
         _refuse_beyond(entry, raw, entry.wraps_at)
         values, times = gone_on(raw, entry.wraps_at)
         warnings.append(
-            f"{entry.channel} starts anew after {entry.wraps_at:g} raw numbers, {times} times: it"
-            " is taken as one that goes on"
+            f"{entry.channel} starts again after {entry.wraps_at:g} raw numbers, {times} times: it"
+            " is taken to go on"
         )
     with np.errstate(over="ignore", invalid="ignore"):
         for factor in (unit.factor, scale):
@@ -85,7 +85,7 @@ def _refuse_beyond(entry: Entry, raw: Floats, modulus: float) -> None:
 
 
 def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
-    """Return the unit of the raw numbers, in which si is "" where nobody says what it is."""
+    """Return the unit of the raw numbers; its si is "" if the unit is unknown."""
     spelled = find_unit(signal.unit) if signal.unit else None
     if entry.unit is None:
         if spelled is None or entry.scale is not None:
@@ -100,8 +100,8 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
     warnings: list[str] = []
     if spelled is not None and spelled != unit:
         warnings.append(
-            f"{signal.name} is in {signal.unit!r} by its own header, and was read in {entry.unit!r}"
-            " as the TOML says"
+            f"{signal.name} is in {signal.unit!r} by its own header, and was read in"
+            f" {entry.unit!r}, the unit in the TOML"
         )
     if unit.si.startswith("counts"):
         unit = _counts(entry, unit)
@@ -129,7 +129,7 @@ def _allowed(entry: Entry) -> tuple[str, ...]:
 
 
 def _counts(entry: Entry, unit: Unit) -> Unit:
-    """Return counts, counts/s or counts/s2 as angle or length; as they are where scale says it."""
+    """Return counts, counts/s or counts/s2 as angle or length, or unchanged if there is a scale."""
     if entry.counts_per_rev is not None:
         return Unit(unit.si.replace("counts", "rad"), TURN / entry.counts_per_rev)
     if entry.counts_per_m is not None:

@@ -100,8 +100,8 @@ def decoded(path: Path, data: bytes) -> str:
             raise RecordingError(f"{path.name} is not UTF-16 text: {error.reason}") from None
     if b"\0" in data:
         raise RecordingError(
-            f"{path.name} is neither text nor a format known here; known are MCAP, MAT, NPZ, NPY,"
-            " Parquet, HDF5 and text tables"
+            f"{path.name} is not in a format that can be read (MCAP, MAT, NPZ, NPY, Parquet, HDF5,"
+            " text tables)"
         )
     try:
         return data.decode("utf-8-sig")
@@ -126,7 +126,7 @@ def _lines(text: str) -> Lines:
 
 
 def _columns(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[Floats, str] | str]:
-    """Return each column as float64 with its note, or the sentence that says why it is text."""
+    """Return each column as float64 with its note, or a sentence on why it is text."""
     try:
         return [(column, "") for column in _fast(rows, form)]
     except ValueError:  # a text, a ragged line, a plus sign: the slow way says which, or reads it
@@ -226,10 +226,10 @@ def _lists(rows: list[str], form: Form, column: int) -> Floats | None:
 def _whole_rows(
     path: Path, rows: list[str], numbers: Sequence[int], form: Form
 ) -> tuple[list[str], Sequence[int], str]:
-    """Return the rows that have a cell for each column, and what is said of the others.
+    """Return the rows that have a cell for each column, and a note on the other rows.
 
     Words of a board between its rows are left out, and of rows that a serial line spoiled a few.
-    Raises RecordingError where more are spoiled.
+    Raises RecordingError if more are spoiled.
     """
     if form.delimiter != " " and all(
         row.count(form.delimiter) == len(form.names) - 1 for row in rows
@@ -243,8 +243,8 @@ def _whole_rows(
     if len(counted) > TORN * len(rows) or len(torn) > SPOKEN * len(rows):
         i = (counted or torn)[0]
         raise RecordingError(
-            f"{path.name}: line {numbers[i]} has {len(cells[i])} cells where the table has"
-            f" {len(form.names)}; correct the line, or name delimiter and decimal in [csv]"
+            f"{path.name}: line {numbers[i]} has {len(cells[i])} cells but the table has"
+            f" {len(form.names)}; correct the line, or give delimiter and decimal in [csv]"
         )
     left = set(torn)
     kept = [i for i in range(len(rows)) if i not in left]
@@ -254,7 +254,7 @@ def _whole_rows(
 
 
 def _text(tally: Tally, column: int) -> str:
-    more = "" if tally.texts == 1 else f"; {tally.texts - 1} below it are none either"
+    more = "" if tally.texts == 1 else f"; {tally.texts - 1} below it are not numbers either"
     return f"has {tally.first} in {tally.where}, column {column}, which is not a number{more}"
 
 

@@ -34,7 +34,7 @@ OBJECT = re.compile(r"(?:0x)?\d[0-9A-Fa-f]{3}h?(?::\w{1,4})?h?$")
 
 @dataclass(frozen=True)
 class CsvOptions:
-    """What the recording TOML says about a text table; None where it says nothing."""
+    """The settings of a text table in the recording TOML; None if it has none."""
 
     delimiter: str | None = None
     decimal: str | None = None
@@ -81,7 +81,7 @@ class Form:
 
 
 def find_form(path: Path, lines: Lines, options: CsvOptions) -> Form:
-    """Return the layout of a table; raises RecordingError where there is none."""
+    """Return the layout of a table; raises RecordingError if none is recognised."""
     dialects = [
         (delimiter, decimal)
         for delimiter, decimal in DIALECTS

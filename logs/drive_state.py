@@ -1,4 +1,4 @@
-"""What a recording says about its drive besides the command: when it was on, its supply.
+"""The recorded state of the drive besides the command: when it was on, its supply.
 
     [enable]                    # channel `enable`: on where it is at least a half
     signal = "torque_enable"
@@ -24,5 +24,5 @@ def nominal_of(table: Table) -> float:
     """Return the nominal voltage [V] of [supply]; raises TableError."""
     value = table.number("nominal")
     if not 0.0 < value < math.inf:
-        raise TableError(f"supply.nominal is {value:g}; allowed is a finite voltage above 0 [V]")
+        raise TableError(f"supply.nominal is {value:g}; it must be a finite voltage above 0 [V]")
     return value

@@ -2,7 +2,7 @@
 
 
 class LogError(ValueError):
-    """Anything wrong with a log; the message is one sentence that says what to do."""
+    """A log cannot be used; the message is one sentence with what to do."""
 
 
 class LogNotFound(LogError):

@@ -1,4 +1,4 @@
-"""What happened at a moment: contact made, command saturated, mass stuck."""
+"""An event at a moment: contact made, command saturated, mass stuck."""
 
 from collections.abc import Sequence
 from functools import cache

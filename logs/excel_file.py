@@ -15,6 +15,7 @@ from pathlib import Path
 from zwidth.logs.csv_file import read_csv
 from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
 from zwidth.logs.source import RecordingError, Source
+from zwidth.logs.unpacked import refuse_bomb
 
 MOST_BYTES = 1 << 31  # of a workbook, unpacked
 LEAST_ROWS = 3  # of numbers, that make a sheet a table
@@ -36,7 +37,7 @@ def read_excel(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> S
 
     refused = "it has no sheet"
     try:
-        _refuse_huge(data)
+        _refuse_huge(path, data)
         book = calamine.load_workbook(io.BytesIO(data))
         for name in book.sheet_names:
             rows = book.get_sheet_by_name(name).to_python()
@@ -44,7 +45,7 @@ def read_excel(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> S
                 return _table(path, name, rows, options)
             except RecordingError as error:
                 refused = f"sheet {name!r}: {error}"
-    except (MemoryError, KeyboardInterrupt):
+    except (RecordingError, MemoryError, KeyboardInterrupt):
         raise
     except BaseException as error:  # calamine is Rust: where it panics, that is no Exception
         if isinstance(error, SystemExit | GeneratorExit):
@@ -59,12 +60,12 @@ def read_excel(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> S
     )
 
 
-def _refuse_huge(data: bytes) -> None:
+def _refuse_huge(path: Path, data: bytes) -> None:
     if not data.startswith(b"PK"):
         return
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
-            raise ValueError(f"it unpacks to more than {MOST_BYTES >> 30} GiB")
+        unpacked = sum(entry.file_size for entry in archive.infolist())
+    refuse_bomb(path, unpacked, len(data), MOST_BYTES)
 
 
 def _table(path: Path, sheet: str, rows: Sequence[Sequence[object]], options: CsvOptions) -> Source:

@@ -60,7 +60,7 @@ Decoder = Callable[[bytes], Any]
 
 @dataclass
 class Series:
-    """What has been read of one field: values and the index of the message of each, and texts."""
+    """The values read of one field, the message index of each, and its texts."""
 
     values: list[float | int] = field(default_factory=list[float | int])
     rows: list[int] = field(default_factory=list[int])
@@ -184,7 +184,7 @@ def open_topic(channel: Channel, schema: Schema | None) -> Topic | str:
     encoding = channel.message_encoding
     kind = "" if schema is None else schema.name.rpartition("/")[2]
     if kind in NO_MOTION and encoding == "cdr":
-        return f"{channel.topic} is of {kind}, which tells no motion of a joint, and is not read"
+        return f"{channel.topic} is of {kind}, which has no motion of a joint, and is not read"
     if encoding == "json":
         return Topic(channel.topic, json.loads)
     from mcap_protobuf.decoder import DecoderFactory as Protobuf
@@ -290,7 +290,7 @@ def _source(
 ) -> Source:
     notes = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in walk.damages]
     if len(notes) > MOST_NOTES:
-        notes[MOST_NOTES:] = [f"{len(notes) - MOST_NOTES} more such places follow"]
+        notes[MOST_NOTES:] = [f"{len(notes) - MOST_NOTES} further such places"]
     if inconsistent:
         notes.append(f"{inconsistent} chunks with records that cannot be decoded were skipped")
     if not walk.ended:
@@ -319,7 +319,7 @@ def signals_of(
             notes.append(f"{topic.undecoded} messages of {topic.name} do not match their schema")
         beside = joints and topic.kind and topic.kind not in (*JOINTS, *COMMANDS)
         if beside:
-            notes.append(f"{topic.name}, of {topic.kind}, is taken only where a description says")
+            notes.append(f"{topic.name}, of {topic.kind}, is used only if a description gives it")
         for signal in topic.signals():
             place = aside if beside else signals
             place[_free(signal.name, signals | aside)] = signal

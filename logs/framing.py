@@ -10,6 +10,7 @@ import zlib
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
@@ -25,6 +26,7 @@ from zwidth.logs.records import (
     parse,
     plausible,
 )
+from zwidth.logs.unpacked import refuse_bomb
 
 MAGIC_SIZE = 8
 SIGNATURE = struct.pack("<I4s", 4, b"zstd")  # the name of the compression, in a chunk's header
@@ -35,6 +37,7 @@ CHUNK_OVERHEAD = CHUNK_HEADER.size + 4 + 8
 # looking at one place costs is counted in bytes as well.
 MOST_WASTED = 8
 LOOK = 512
+ALWAYS_UNPACKED = 32 * MEBIBYTE  # however small the file: decoded, messages take 20 times as much
 
 
 class Damage(NamedTuple):
@@ -61,6 +64,7 @@ class Walk:
     ended: bool = False
     checksum_holds: bool = True
     wasted: int = 0
+    unpacked: int = 0
 
     def __iter__(self) -> Iterator[Parsed]:
         self.file.seek(0)
@@ -87,6 +91,8 @@ class Walk:
                     offset, offset, str(error), following if whole else None
                 )
                 continue
+            if isinstance(record, Records):
+                self._refuse_bomb(len(record.data))
             if isinstance(record, DataEnd):
                 self.ended = True
                 self.checksum_holds = record.data_section_crc in (0, crc)
@@ -95,6 +101,15 @@ class Walk:
             previous = following if isinstance(record, Records | Attachment) else offset
             offset = following
             yield record
+
+    def _refuse_bomb(self, size: int) -> None:
+        """Account for a chunk before its messages are decoded; raises RecordingError if too many.
+
+        The size in its header is confirmed by then, and at most LARGEST_CHUNK.
+        """
+        path = Path(str(getattr(self.file, "name", "the file")))
+        self.unpacked += size
+        refuse_bomb(path, self.unpacked, self.stop, always=ALWAYS_UNPACKED)
 
     @property
     def _exhausted(self) -> bool:

@@ -1,4 +1,4 @@
-"""What is missing from a topic, told by the counter that every message carries."""
+"""Messages missing from a topic, found by the sequence counter in each message."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ def gaps(topic: str, sequence: NDArray[np.uint32], t: Floats, expected: int | No
     rest = 0 if expected is None else expected - sequence.size - missing
     if len(sentences) > MOST_SENTENCES:
         more = len(sentences) - MOST_SENTENCES
-        sentences[MOST_SENTENCES:] = [f"{topic}: {more} more such gaps follow"]
+        sentences[MOST_SENTENCES:] = [f"{topic}: {more} further such gaps"]
     if rest > 0:
         where = f"after t = {t[-1]:.9g} s" if counted else "somewhere"
         sentences.append(f"{topic}: {_samples(rest)} {where}")

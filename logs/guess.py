@@ -1,4 +1,4 @@
-"""What a file seems to hold, for a person to judge: each signal at a glance, a TOML to start from.
+"""A summary of a file for a person to judge: each signal at a glance, and a draft TOML.
 
 A guess is offered, never used without asking. It goes by units first, in brackets or at the end of
 a name, then by the words of a name; what it cannot know (a scale, counts per revolution) it leaves
@@ -97,7 +97,7 @@ def _seen(signal: Signal, rows: int, time: Signal | None, timing: Timing | None)
 
 
 def _seems(signal: Signal, rows: int) -> str:
-    """Return "command", "position" ..., "goal", "constant", or "" where nothing tells."""
+    """Return "command", "position" ..., "goal", "constant", or "" if nothing tells."""
     values = signal.floats()
     if values.size != rows and not signal.stamps:
         return "constant" if values.size == 1 else ""
@@ -278,7 +278,7 @@ def _likely(value: float, signal: Signal) -> float:
 
 
 def is_named_time(signal: Signal) -> bool:
-    """Return whether the name or the unit of a signal says that it is time."""
+    """Whether a signal is time by its name or unit."""
     unit = unit_seen(signal)
     said = read_name(_core(signal)).quantity
     if TICKS & {*words_of(signal.name)} and signal.known.any():
@@ -287,12 +287,12 @@ def is_named_time(signal: Signal) -> bool:
 
 
 def _no_time(signal: Signal, rows: int) -> str | None:
-    """Say why a signal that is called time is not a time, or return None."""
+    """Return why a signal that is called time cannot be one, or None."""
     values = signal.floats()
     if signal.stamps:
         return "is a field of messages, which have a clock"
     if values.size != rows:
-        return f"has {values.size} samples where the others have {rows}"
+        return f"has {values.size} samples, but the others have {rows}"
     known = values[np.isfinite(values)]
     if 2 * known.size <= values.size:
         return f"is missing in {values.size - known.size} of {values.size} samples"

@@ -1,4 +1,4 @@
-"""What is not intact in a log, in sentences."""
+"""The damage of a log, in sentences."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ def skipped(damages: Sequence[Damage], inconsistent: Sequence[str]) -> list[str]
     sentences = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in damages]
     sentences += [f"skipped: {reason}" for reason in inconsistent]
     if len(sentences) > MOST_SENTENCES:
-        sentences[MOST_SENTENCES:] = [f"{len(sentences) - MOST_SENTENCES} more such places follow"]
+        sentences[MOST_SENTENCES:] = [f"{len(sentences) - MOST_SENTENCES} further such places"]
     return sentences
 
 

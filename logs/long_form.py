@@ -57,7 +57,7 @@ def apart(source: Source) -> Source:
         stamps = np.rint(np.asarray(seconds[rows]) * NANOSECONDS).astype(np.int64)
         own = one if isinstance(one, str) else f"{one:g}"
         signals |= _of_motor(source.signals, own, rows, stamps, (time.name, name))
-    note = f"{name} tells of what each row is: they are taken apart"
+    note = f"{name} gives what each row is: the rows are separated by it"
     return replace(source, signals=signals, notes=(*source.notes, note), texts={})
 
 

@@ -19,22 +19,28 @@ NUMERIC = range(6, 16)
 DEEPEST = 64
 
 
-MOST_BYTES = 1 << 33  # of a variable, unpacked
-
-
 class BrokenElements(ValueError):
     """The elements of the file are not what they must be."""
 
 
-def check_elements(data: bytes) -> None:
-    """Raise BrokenElements where scipy would read beyond its table of types, or without end."""
+class TooLarge(ValueError):
+    """The variables unpack to more than they may."""
+
+
+def check_elements(data: bytes, most: int) -> None:
+    """Raise BrokenElements where scipy would read beyond its table of types, or without end.
+
+    most: the bytes that all variables together may unpack to; raises TooLarge.
+    """
     order = "<" if data[126:128] == b"IM" else ">"
     top = _Walk(data, order, HEADER)
     while top.at < len(data):
         kind, size = top.tag()
         following = top.at + size
         if kind == COMPRESSED:
-            _Walk(_inflated(data[top.at : following]), order, 0).matrix(0)
+            unpacked = _inflated(data[top.at : following], most)
+            most -= len(unpacked)
+            _Walk(unpacked, order, 0).matrix(0)
         elif kind == MATRIX:
             top.body(0)
         else:
@@ -44,19 +50,18 @@ def check_elements(data: bytes) -> None:
         top.at = following
 
 
-def _inflated(data: bytes) -> bytes:
+def _inflated(data: bytes, most: int) -> bytes:
     try:
-        unpacking = zlib.decompressobj()
-        found = unpacking.decompress(data, MOST_BYTES)
-        if unpacking.unconsumed_tail:
-            raise BrokenElements(f"a variable that unpacks to more than {MOST_BYTES >> 20} MiB")
-        return found
+        found = zlib.decompressobj().decompress(data, most + 1)
     except zlib.error as error:
         raise BrokenElements(f"a variable that cannot be decompressed ({error})") from None
+    if len(found) > most:
+        raise TooLarge
+    return found
 
 
 class _Walk:
-    """Where scipy's reader stands; at: the offset of the next element."""
+    """The position of scipy's reader; at: the offset of the next element."""
 
     def __init__(self, data: bytes, order: str, at: int) -> None:
         self.data, self.at = data, at
@@ -101,7 +106,7 @@ class _Walk:
             self.body(depth)
 
     def body(self, depth: int) -> None:
-        """Pass over what follows the tag of a matrix, by its class."""
+        """Skip the content after the tag of a matrix, by its class."""
         self.tag()
         flags, _ = self.tag()
         kind, parts = flags & 0xFF, 1 + (flags >> 11 & 1)  # real, and imaginary

@@ -13,13 +13,13 @@ import numpy as np
 import scipy.io
 import scipy.io.matlab
 
-from zwidth.logs.mat_elements import check_elements
+from zwidth.logs.mat_elements import TooLarge, check_elements
 from zwidth.logs.source import Collector, RecordingError, Source
+from zwidth.logs.unpacked import most_bytes, too_large
 
 DEEPEST = 16  # structures within structures
 LEAST_CELLS = 100  # of single numbers and texts, which are then a column
 MOST_PARTS = 10_000  # cells, elements, fields of one file
-MOST_BYTES = 1 << 33  # of one data set of an HDF5 file, whatever its header claims
 TO_PLAIN = {
     "timeseries": "t = {name}.Time; x = squeeze({name}.Data); save('plain.mat', 't', 'x')",
     "timetable": (
@@ -51,12 +51,20 @@ COLUMN, CELL, ELEMENT = "{name}(:,{k})", "{name}{{{k}}}", "{name}({k})"
 class _Parts(Collector):
     """A collector that gives up on a file of endlessly many parts.
 
-    aliases: the path of a signal that is called by its label -> that.
+    aliases: the path of a signal that is called by its label -> that. left: the bytes that all
+    that is still to be read may unpack to.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, left: int) -> None:
         super().__init__(COLUMN, 1)
         self.aliases: dict[str, str] = {}
+        self.left = left
+
+    def unpack(self, size: int) -> None:
+        """Account for so many bytes before they are read; raises TooLarge."""
+        self.left -= size
+        if self.left < 0:
+            raise TooLarge
 
     def take(self, name: str, values: Any) -> None:
         if len(self.signals) + len(self.unreadable) >= MOST_PARTS:
@@ -91,14 +99,16 @@ class _Parts(Collector):
 
 def read_mat(path: Path, data: bytes) -> Source:
     """Return the variables of a file before v7.3; raises RecordingError."""
-    found = _Parts()
+    found = _Parts(most_bytes(len(data)))
     try:
         if scipy.io.matlab.matfile_version(_stream(data))[0] == 1:
-            check_elements(data)
+            check_elements(data, found.left)
         variables = scipy.io.loadmat(_stream(data), simplify_cells=True)
         for name, value in variables.items():
             if not name.startswith("__"):
                 _walk(found, name, value, 0)
+    except TooLarge:
+        raise too_large(path, len(data), most_bytes(len(data))) from None
     except MemoryError:
         raise
     except Exception as error:  # scipy raises what it meets: ValueError, TypeError, zlib.error ...
@@ -151,7 +161,7 @@ def _text_of(value: object) -> str:
 
 
 def _object(name: str, kind: str) -> str:
-    """Say what an object of MATLAB is, and what to type there to save its numbers."""
+    """A sentence on what a MATLAB object is, and what to type there to save its numbers."""
     how = TO_PLAIN.get(kind, "save its numbers as plain arrays, such as x = double({name}.x)")
     return (
         f"is a MATLAB {kind} object, whose numbers only MATLAB can read; in MATLAB type:"
@@ -182,13 +192,15 @@ def read_hdf5(path: Path, data: bytes) -> Source:
     """
     import h5py
 
-    found = _Parts()
+    found = _Parts(most_bytes(len(data)))
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
             matlab = any("MATLAB_class" in item.attrs for item in _members(file).values())
             for name, item in _members(file).items():
                 if not name.startswith("#"):
                     _hdf5(found, name, item, (), file)
+    except TooLarge:
+        raise too_large(path, len(data), most_bytes(len(data))) from None
     except MemoryError:
         raise
     except Exception as error:  # h5py raises what the library says, as any of a dozen classes
@@ -229,13 +241,13 @@ def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any
         found.unreadable[name] = "is empty"
     elif item.attrs.get("MATLAB_class") in (b"char", "char"):
         found.unreadable[name] = "is text; a signal is numbers"
-    elif item.size * item.dtype.itemsize > MOST_BYTES:
-        found.unreadable[name] = f"claims {item.size} values, more than are read"
     elif h5py.check_string_dtype(item.dtype) is not None:  # as dtypes, texts equal references
+        found.unpack(item.size * item.dtype.itemsize)
         found.take(name, np.asarray(item.asstr(errors="replace")[()], dtype=np.str_))
     elif item.dtype == h5py.ref_dtype:
         _references(found, name, item, above, file)
     elif item.dtype.kind in "biuf" or item.dtype.names is not None:
+        found.unpack(item.size * item.dtype.itemsize)
         found.take(name, np.asarray(item[()]).T)
     else:
         found.unreadable[name] = f"holds {item.dtype}; a signal is numbers"

@@ -29,7 +29,7 @@ from zwidth.sim.trace import Trace
 class Log(Shown):
     """The content of a log. warnings: a sentence for everything damaged; empty for an intact log.
 
-    substep is None where the log has no such topic. metadata joins all notes, later ones winning.
+    substep is None if the log has no such topic. metadata joins all notes, later ones winning.
     attachments: name -> bytes. library: what wrote the file. epoch_ns: log time of t = 0.
     """
 

@@ -164,7 +164,7 @@ class LogWriter:
                 self._sink.finish()
 
     def abandon(self, reason: str) -> None:
-        """Complete the log under its partial name; metadata `ended` says why."""
+        """Complete the log under its partial name; metadata `ended`: why."""
         if not self._closed:
             with self._keeping_what_is_written():
                 self.note({ENDED: reason})

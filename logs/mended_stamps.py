@@ -22,7 +22,7 @@ ALIKE = 0.02  # by which the steps back of a counter may differ
 
 
 def mended(t: Floats) -> tuple[Floats, str]:
-    """Return stamps t [s], finite, (samples,), mended, and a sentence; "" where as they are."""
+    """Return stamps t [s], finite, (samples,), mended, and a sentence; "" if as they are."""
     said: list[str] = []
     t, note = _runs(t) or _gone_on(t)
     said += [note] if note else []
@@ -84,8 +84,7 @@ def _gone_on(t: Floats) -> tuple[Floats, str]:
     turns = np.zeros(t.size)
     turns[back + 1] = 1.0
     return t + size * np.cumsum(turns), (
-        f"the clock starts anew every {size:.6g} s, {times(back.size)}: it is taken as one that"
-        " goes on"
+        f"the clock starts again every {size:.6g} s, {times(back.size)}: it is taken to go on"
     )
 
 

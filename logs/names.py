@@ -1,4 +1,4 @@
-"""What the name of a column says: which quantity, commanded or measured, of which joint.
+"""The meaning of a column's name: its quantity, commanded or measured, and its joint.
 
 The words are in `vocabulary.toml`, with their sources. A name is split at capitals, digits and
 signs; a unit at its end does not count as a word, nor do letters before a capital that denote a
@@ -35,7 +35,7 @@ CLOSE = frozenset(
 
 @dataclass(frozen=True)
 class Naming:
-    """What a name says.
+    """The meaning of a name.
 
     quantity: a table of the vocabulary's `[quantity]`, "" for none. weak: it is indicated by a
     single letter only. joint: the other words and numbers, by which one joint differs from another.
@@ -97,7 +97,7 @@ def _spaced(name: str) -> str:
 
 
 def read_name(core: str) -> Naming:
-    """Return what a name says, without the unit at its end."""
+    """Return the meaning of a name without the unit at its end."""
     words = list(_words(core))
     if set(_plain_words(core)) & set(vocabulary()["pilot"]["words"]):
         return Naming(tuple(words), "other", "", False, ())
@@ -265,7 +265,7 @@ def _last(name: str) -> str:
 
 
 def told_by(said: Naming, quantity: str) -> Naming:
-    """Return a naming whose quantity follows from its unit; a commanded motion is a goal."""
+    """Return a naming with the quantity of its unit; a commanded motion is a goal."""
     role = said.role
     if quantity in MOTIONS and (role == "command" or (role == "" and said.quantity == "input")):
         role = "goal"
@@ -332,7 +332,7 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
         return other
     spoken = [one for one in found if not one[2]]
     lesser = [i for i, q, _ in spoken if q in ("input", "counter") or words[i] in side_words("far")]
-    if len(found) > len(lesser):  # what counts, or where it is measured, says little beside others
+    if len(found) > len(lesser):  # "count", or a place of measurement, means little beside others
         spoken = [one for one in spoken if one[0] not in lesser]
     if spoken:
         at, quantity, weak = spoken[-1]
@@ -360,7 +360,7 @@ def _commands(words: Sequence[str]) -> bool:
 
 
 def is_role(word: str) -> bool:
-    """Return whether a word says that something is commanded, or measured."""
+    """Whether a word means that something is commanded, or measured."""
     return any(word in own for own in vocabulary()["role"].values())
 
 
@@ -385,9 +385,9 @@ def _role(words: Sequence[str], at: int, quantity: str) -> Role:
 
 
 def _desired(words: Sequence[str], at: int, quantity: str) -> bool:
-    """Whether it is q_d or tau_J_d[3] of libfranka: the last letter says that it is desired.
+    """Whether a name is like q_d or tau_J_d[3] of libfranka, with d for desired.
 
-    q_d[2] may be a speed as well, which numbers tell.
+    q_d[2] may also be a speed, which the numbers show.
     """
     spoken = [word for word in words if not word.isdigit()]
     told = (*MOTIONS, "torque") if spoken == list(words) else ("torque",)

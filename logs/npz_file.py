@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from zwidth.logs.source import Collector, RecordingError, Signal, Source
+from zwidth.logs.unpacked import refuse_bomb
 
-MOST_BYTES = 1 << 33  # of all arrays, unpacked
 OF_COLUMNS = ("columns", "names", "labels", "channels", "fields", "header", "keys", "signals")
 ABOUT = "zwidth.json"  # the entry, UTF-8 in an array of bytes, of a file of our own
 
@@ -63,14 +63,13 @@ def _named(signals: Mapping[str, Signal], texts: Mapping[str, list[str]]) -> dic
 def _entries(path: Path, data: bytes) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
-                raise ValueError(f"it unpacks to more than {MOST_BYTES >> 30} GiB")
+            refuse_bomb(path, sum(e.file_size for e in archive.infolist()), len(data))
             return {
                 name.removesuffix(".npy"): archive.read(name)
                 for name in archive.namelist()
                 if name.endswith(".npy")
             }
-    except MemoryError:
+    except (RecordingError, MemoryError):
         raise
     except Exception as error:  # zipfile raises what it meets: BadZipFile, zlib.error, struct.error
         said = f"{path.name} is a damaged archive, of NPZ or Excel: {error}"

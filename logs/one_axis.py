@@ -97,7 +97,7 @@ def _resampling(
 
 
 def _apart(streams: list[Stream]) -> RecordingError:
-    """Say what sets the first two streams apart."""
+    """A sentence on the difference between the first two streams."""
     one, other = streams[:2]
     period = max(stream.timing.period for stream in streams)
     described = " and ".join(

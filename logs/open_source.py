@@ -76,7 +76,7 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
         return found if found.about else with_own_clocks(apart(below(found)))
     except MemoryError:
         raise RecordingError(
-            f"{path.name} needs more memory than there is; split it if it is not damaged"
+            f"{path.name} needs more memory than there is; it may be damaged; if not, split it"
         ) from None
 
 

@@ -29,7 +29,7 @@ def opened(path: Path) -> Generator[BinaryIO]:
     except FileNotFoundError:
         raise LogNotFound(f"{path} does not exist{_unfinished(path)}") from None
     except IsADirectoryError:
-        raise LogIsDirectory(f"{path} is a folder; name a file in it") from None
+        raise LogIsDirectory(f"{path} is a folder; give a file in it") from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise LogNotReadable(f"{path} cannot be read: {reason}") from None

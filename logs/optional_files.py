@@ -61,7 +61,7 @@ class _Ending(io.BytesIO):
         self.left = len(data) + 1000
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read on; raises ValueError where a reader goes round in circles."""
+        """Read on; raises ValueError if a reader goes round in circles."""
         self.left -= 1
         if self.left < 0:
             raise ValueError("the references between its messages form a loop")

@@ -67,6 +67,6 @@ def refuse_other(path: Path, data: bytes) -> None:
             if form.match(line):
                 raise RecordingError(
                     f"{path.name} holds frames of a CAN bus as {tool} writes them, which do not"
-                    " say what their bytes mean; decode them with the DBC file of the bus"
+                    " show what their bytes mean; decode them with the DBC file of the bus"
                     " ('python3 -m cantools decode', or asammdf) to a table of signals"
                 )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from zwidth.logs.source import Collector, RecordingError, Signal, Source
+from zwidth.logs.unpacked import refuse_bomb
 
 MOST_PLACES = 1000  # in a list, that become signals of their own
 ABOUT = b"zwidth"  # the key in the file's own metadata
@@ -19,7 +20,12 @@ def read_parquet(path: Path, data: bytes) -> Source:
 
     found = Collector()
     try:
-        table = parquet.ParquetFile(pa.BufferReader(data)).read(use_threads=False)
+        file = parquet.ParquetFile(pa.BufferReader(data))
+        refuse_bomb(path, _unpacked(file.metadata), len(data))
+        texts = [c.path for c in map(file.schema.column, range(len(file.schema))) if _is_text(c)]
+        # A text that is stored once and repeated in millions of rows stays stored once.
+        file = parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
+        table = file.read(use_threads=False)
         table.validate(full=True)
         about = _about(path, table.schema.metadata or {})
         for _ in range(16):  # structures within structures
@@ -36,10 +42,42 @@ def read_parquet(path: Path, data: bytes) -> Source:
     return Source(path, "Parquet", found.signals, found.unreadable, about=about)
 
 
+def _unpacked(metadata: Any) -> int:
+    """Return to how many bytes the columns unpack, by the metadata.
+
+    Values that repeat are stored once, so that the sizes of pages alone say too little.
+    """
+    widths = [max(8, metadata.schema.column(k).length) for k in range(metadata.num_columns)]
+    total = 0
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        columns = [group.column(k) for k in range(group.num_columns)]
+        for width, column in zip(widths, columns, strict=True):
+            total += max(column.total_uncompressed_size, width * column.num_values)
+    return total
+
+
+def _is_text(column: Any) -> bool:
+    return column.physical_type == "BYTE_ARRAY" and column.max_repetition_level == 0
+
+
+def _cells(column: Any) -> list[object]:
+    """Return the cells of texts with a dictionary, each text once in memory."""
+    cells: list[object] = []
+    for chunk in column.chunks:
+        words = chunk.dictionary.to_pylist()
+        cells += [None if k is None else words[k] for k in chunk.indices.to_pylist()]
+    return cells
+
+
 def _take(found: Collector, name: str, column: Any) -> None:
     import pyarrow as pa
 
     kind = column.type
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+        if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            found.add_cells(name, _cells(column))
+            return
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         column = column.cast(
             pa.timestamp("ns", kind.tz) if hasattr(kind, "tz") else pa.duration("ns")

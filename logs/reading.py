@@ -1,4 +1,4 @@
-"""What a walk over a file yields, sorted into traces, events, metadata and attachments."""
+"""The items found in a file, sorted into traces, events, metadata and attachments."""
 
 import json
 from collections import deque
@@ -78,7 +78,7 @@ class Reading:
             self.metadata |= {f"{record.name}/{key}": text for key, text in entries.items()}
 
     def stream(self, topic: str) -> Stream | None:
-        """Return the one stream of a topic; raises ForeignLog where runs have been merged."""
+        """Return the one stream of a topic; raises ForeignLog if runs have been merged."""
         found = [s for s in self.streams.ours.values() if s.channel.topic == topic]
         filled = [s for s in found if s.count] or found[:1]
         if len(filled) > 1:

@@ -154,7 +154,7 @@ def _read(
 
 
 def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None) -> str:
-    """The unit of a channel, "" where nobody says: of a covariate that in which it is written.
+    """The unit of a channel, "" if unknown; for a covariate, the unit in which it is written.
 
     A joint is rotary or linear by itself.
     """
@@ -167,7 +167,7 @@ def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None)
 
 
 def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
-    """Return the signal of the file that has the stamps of another, None where none does."""
+    """Return the signal of the file that has the stamps of another, None if none does."""
     if clock.signal is None or clock.signal in signal.stamps:
         return None
     if signal.stamps and clock.signal not in {*source.signals, *source.aside}:
@@ -190,7 +190,7 @@ def _rows(source: Source, clock: Clock, signal: Signal) -> NDArray[np.bool_]:
         return np.ones(signal.values.size, dtype=np.bool_)
     if not times.known.any():
         raise RecordingError(
-            f"time {times.name!r} has no finite number at all; name another, or period_s"
+            f"time {times.name!r} has no finite number at all; give another signal, or period_s"
         )
     return times.known
 
@@ -262,8 +262,8 @@ def _used(description: Description, trace: Trace) -> Trace:
     used = trace.between(description.from_s, description.to_s)
     if len(used) == 0:
         raise RecordingError(
-            f"[use] from {description.from_s:g} to {description.to_s:g} s leaves no sample of"
-            f" {trace.t.min():.6g} to {trace.t.max():.6g} s; correct from_s and to_s"
+            f"[use] from {description.from_s:g} to {description.to_s:g} s leaves no sample of those"
+            f" from {trace.t.min():.6g} to {trace.t.max():.6g} s; correct from_s and to_s"
         )
     facts = {**trace.facts, "use": {"from_s": float(used.t[0]), "to_s": float(used.t[-1])}}
     return Trace(used.t, used.channels, used.units, used.origin, facts)
@@ -274,7 +274,7 @@ def unscaled(traces: Sequence[Trace]) -> tuple[str, str]:
 
     A count that is taken for one of SI may say so by counts_per_rev = 2 pi or counts_per_m = 1.
     That is the unit of the command ("A", "V", "counts") and of the motion ("counts") where a scale
-    of 1 takes each for one of SI; "" where it is known, or not the same in all recordings.
+    of 1 takes each for one of SI; "" if it is known, or not the same in all recordings.
     """
     said = {
         ("" if t.units.get("command") in GOAL else _foreign(t, ("command",)), _foreign(t, _MOTIONS))
@@ -329,7 +329,7 @@ def _warnings(
     for channel in converted.values():
         found += channel.warnings
     if rotary is None:
-        found.append("no unit shows whether the device is rotary or linear; say rotary in the TOML")
+        found.append("no unit shows whether the device is rotary or linear; set rotary in the TOML")
     return found
 
 

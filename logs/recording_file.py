@@ -103,7 +103,7 @@ PLACES = (*MASSES, "link12", "link23", "link34", "link45")
 
 @dataclass(frozen=True)
 class Clock:
-    """When a signal was sampled: every period [s], or as a signal or MCAP clock says, in unit [s].
+    """Sample times of a signal: every period [s], or by a signal or an MCAP clock in unit [s].
 
     shift [s] is added.
     """
@@ -116,7 +116,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Entry:
-    """One channel. scale is None where the TOML gives none (then it is 1).
+    """One channel. scale is None if the TOML gives none (then it is 1).
 
     file: where its signal is, "" for the recording's own file, whose time it shares.
     wraps_at: raw numbers after which a counter starts anew, None for one that does not.
@@ -205,7 +205,9 @@ def _description(path: Path, top: Table) -> Description:
     for table in top.tables("joint"):
         name = table.only(JOINT_KEYS).text("name")
         if not name.strip():
-            raise TableError(f"{table.path}.name is {name!r}; give the name that the model has")
+            raise TableError(
+                f"{table.path}.name is {name!r}; give the name of a joint of the model"
+            )
         entries.append(_entry(table, "position", joint_channel(name), top))
     entries += _of_drive(top)
     if all(e.channel.startswith(("base_", KNOWN_FORCE, JOINT, ENABLE, SUPPLY)) for e in entries):
@@ -218,7 +220,9 @@ def _description(path: Path, top: Table) -> Description:
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
-        raise TableError(f"use.from_s is {from_s:g} and use.to_s {to_s:g}; from_s must be less")
+        raise TableError(
+            f"use.from_s is {from_s:g} and use.to_s {to_s:g}; from_s must be below to_s"
+        )
     return Description(
         path,
         top.text("file"),
@@ -242,7 +246,7 @@ def _command(table: Table, top: Table) -> Entry:
     unit = known_unit(entry.unit or "", f"{table.path}.unit").si
     if entry.scale is not None or unit not in (*SI["velocity"], "counts/s"):
         raise TableError(
-            f"{table.path}.integral_time_s is allowed only where the command is the goal of a speed"
+            f"{table.path}.integral_time_s is allowed only if the command is the goal of a speed"
             " loop; give the unit of a speed, and no scale"
         )
     return replace(entry, integral_time=_positive(table, "integral_time_s"))
@@ -259,7 +263,7 @@ def joint_channel(name: str) -> str:
 
 
 def _of_drive(top: Table) -> list[Entry]:
-    """What is recorded of the drive's state."""
+    """The recorded state of the drive."""
     keys = tuple(key for key in INPUT_KEYS if not key.startswith(("counts_", "wraps_")))
     found: list[Entry] = []
     if ENABLE in top:
@@ -301,21 +305,23 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
 def _scale(table: Table) -> float | None:
     scale = _finite(table, "scale") if "scale" in table else None
     if scale == 0.0:
-        raise TableError(f"{table.path}.scale is 0; allowed is any other number")
+        raise TableError(f"{table.path}.scale is 0; it must be a number other than 0")
     return scale
 
 
 def _wraps_at(table: Table, quantity: str) -> float | None:
-    """Return after how many raw numbers a position starts anew, None where it goes on."""
+    """Return after how many raw numbers a position starts anew, None if it goes on."""
     if "wraps_at" not in table:
         return None
     if quantity not in ("position", "command"):
-        raise TableError(f"{table.path}.wraps_at is given for a {quantity}; only a position has it")
+        raise TableError(
+            f"{table.path}.wraps_at is given for a {quantity}; only a position may have it"
+        )
     return _positive(table, "wraps_at")
 
 
 def _covariate(table: Table, top: Table) -> Entry:
-    """What a parameter may follow: its unit is a name, and nothing is converted by it."""
+    """A covariate that parameters may depend on; its unit is only a label, without conversion."""
     signal = table.only(COVARIATE_KEYS).text("signal")
     name = re.sub(r"\W+", "_", signal).strip("_")
     return Entry(
@@ -349,7 +355,7 @@ def _clock(table: Table, top: Table) -> Clock:
         named = known_unit(place.text("time_unit"), "time_unit")
         if named.si != "s":
             raise TableError(
-                f"time_unit is {place.text('time_unit')!r}; allowed is {_time_units()}"
+                f"time_unit is {place.text('time_unit')!r}; it must be one of {_time_units()}"
             )
         unit = named.factor
     return Clock(
@@ -374,7 +380,7 @@ def _resample(top: Table) -> float | None:
     try:
         return _positive(top, "resample")
     except TableError as error:
-        allowed = "allowed is true, false or a period above 0 [s]"
+        allowed = "it must be true, false or a period above 0 [s]"
         raise TableError(f"{str(error).split(';')[0]}; {allowed}") from None
 
 
@@ -382,11 +388,11 @@ def _csv(table: Table) -> CsvOptions:
     table.only(("delimiter", "decimal", "header_line"))
     delimiter = table.text("delimiter") if "delimiter" in table else None
     if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\n\r' or delimiter > "~"):
-        raise TableError(f"csv.delimiter is {delimiter!r}; allowed is one character, such as ';'")
+        raise TableError(f"csv.delimiter is {delimiter!r}; it must be one character, such as ';'")
     decimal = _one_of(table, "decimal", (".", ",")) if "decimal" in table else None
     line = table.number("header_line") if "header_line" in table else None
     if line is not None and (line < 0 or line != int(min(line, 1e9))):
-        raise TableError(f"csv.header_line is {line:g}; allowed is 0, 1, 2 ...")
+        raise TableError(f"csv.header_line is {line:g}; it must be a whole number of 0 or more")
     return CsvOptions(delimiter, decimal, None if line is None else int(line))
 
 
@@ -400,7 +406,7 @@ def _one_of(table: Table, key: str, allowed: tuple[str, ...]) -> str:
 def _finite(table: Table, key: str, default: float | None = None) -> float:
     value = table.number(key, default)
     if not math.isfinite(value):
-        raise TableError(f"{table.path}.{key} is {value}; allowed is a finite number")
+        raise TableError(f"{table.path}.{key} is {value}; it must be a finite number")
     return value
 
 
@@ -408,5 +414,5 @@ def _positive(table: Table, key: str) -> float:
     value = table.number(key)
     if not 0.0 < value < math.inf:
         where = f"{table.path}.{key}" if table.path else key
-        raise TableError(f"{where} is {value:g}; allowed is a number above 0")
+        raise TableError(f"{where} is {value:g}; it must be a number above 0")
     return value

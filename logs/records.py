@@ -69,7 +69,7 @@ DECODED = {
 
 
 def parse(opcode: int, content: bytes) -> Parsed:
-    """Return the record, None where it holds nothing to read; raises RecordDamaged."""
+    """Return the record, None if it holds nothing to read; raises RecordDamaged."""
     if opcode == Opcode.CHUNK:
         return _uncompressed(content)
     if opcode == Opcode.MESSAGE:
@@ -129,4 +129,4 @@ def decompress(compression: bytes, data: memoryview, size: int) -> bytes:
             return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise RecordDamaged("a chunk that cannot be decompressed") from error
-    raise RecordDamaged(f"a chunk compressed as {compression[:20]!r}, which no MCAP is")
+    raise RecordDamaged(f"a chunk with compression {compression[:20]!r}, which MCAP does not have")

@@ -23,7 +23,7 @@ def forward_only(t: Floats) -> NDArray[np.bool_]:
 def axis(starts: list[float], stops: list[float], period: float) -> Floats:
     """Return multiples of the period, from the latest start, that all streams cover [s].
 
-    Raises ValueError where streams do not overlap, or the axis would be endless.
+    Raises ValueError if streams do not overlap, or the axis would be endless.
     """
     start, stop = max(starts), min(stops)
     if stop < start:
@@ -34,8 +34,8 @@ def axis(starts: list[float], stops: list[float], period: float) -> Floats:
     count = (stop - start) / period + 1e-6
     if count >= MOST_SAMPLES:
         raise ValueError(
-            f"resample = {period:g} makes {count:.3g} samples of {stop - start:.6g} s; at most"
-            f" {MOST_SAMPLES} are made"
+            f"resample = {period:g} makes {count:.3g} samples of {stop - start:.6g} s; it must make"
+            f" at most {MOST_SAMPLES}"
         )
     return start + period * np.arange(int(count) + 1, dtype=np.float64)
 

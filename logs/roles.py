@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 LONGEST = 20_000  # samples that are looked at
 FOLLOWS = 0.9  # correlation at the best delay, above which a position follows a goal
 LATEST = 0.1  # of the recording, that it may follow late
-ALIKE = (0.3, 3.0)  # size of a goal over that of what follows it
+ALIKE = (0.3, 3.0)  # size of a goal over that of the motion that tracks it
 RATE = 0.9  # correlation of a speed with the slope of a position, above which it is its speed
 SCALED = 0.1  # by which the size of the two may differ
 NOTHING_NEW = 1e-3  # of a speed, that the differences of the position leave of it, and no more
@@ -79,7 +79,7 @@ class Speed:
 
 
 def speed_of(position: Signal, speed: Signal, t: NDArray[Any]) -> Speed | None:
-    """Compare a speed with the slope of a position over times t; None where nothing moves."""
+    """Compare a speed with the slope of a position over times t; None if nothing moves."""
     pair = _pair(position, speed, t)
     if pair is None or len(pair) < 3 or pair[0].size < 16:
         return None
@@ -146,7 +146,7 @@ def span(signal: Signal) -> float:
 
 
 def sided(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the driven and the other side of several signals, None where they name no sides."""
+    """Return the driven and the other side of several signals, None if they name no sides."""
     near = next((n for n in names if any(w in side_words("near") for w in words_of(n))), None)
     far = [n for n in names if n != near and any(w in side_words("far") for w in words_of(n))]
     if far and len(far) < len(names):

@@ -168,7 +168,7 @@ def read_flat(channel: Channel, schema: Schema) -> FlatSchema | None:
 
 
 def read_epoch(channel: Channel) -> int | None:
-    """Return the log time of t = 0 [ns], or None where the channel record does not say it."""
+    """Return the log time of t = 0 [ns], or None if the channel record does not say it."""
     text = channel.metadata.get(EPOCH_KEY, "")
     epoch = int(text) if re.fullmatch("[0-9]{1,19}", text) else -1
     return epoch if 0 <= epoch < 2**63 else None

@@ -44,5 +44,5 @@ def below(source: Source) -> Source:
         values = np.concatenate([s.values[:end] for s, end in parts])
         note = next((s.note for s, _ in parts if s.note), "")
         found[name] = Signal(name, values, parts[0][0].unit, note=note, lost=lost)
-    note = f"{len(runs)} runs stand side by side: they are taken one after the other"
+    note = f"{len(runs)} runs are side by side: they are taken one after the other"
     return replace(source, signals=found, notes=(*source.notes, note))

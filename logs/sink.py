@@ -67,7 +67,7 @@ class Sink:
     def _failed(self, error: OSError) -> LogWriteError:
         full = error.errno in NO_ROOM
         reason = "there is no room left" if full else (error.strerror or "writing failed").lower()
-        remedy = "free some space" if full else "see to it"
+        remedy = "free some space" if full else "fix that"
         return LogWriteError(
             error.errno or errno.EIO,
             f"{reason}; what was logged before is kept in {self.partial.name}: {remedy} and run"
@@ -105,7 +105,7 @@ def _create(path: Path) -> tuple[Path, int]:
 
 def _check_target(path: Path) -> None:
     if path.is_dir():
-        raise LogPathError(f"{path} is a folder; name a file in it, such as {path / 'run.mcap'}")
+        raise LogPathError(f"{path} is a folder; give a file in it, such as {path / 'run.mcap'}")
     if path.exists() and not path.is_file():
         raise LogPathError(f"{path} is not a regular file; a log needs one, such as run.mcap")
     if path.exists() and not os.access(path, os.W_OK):

@@ -1,4 +1,4 @@
-"""What a recorded file holds before anyone says what it means: named signals, as they stand."""
+"""The content of a recorded file before it is interpreted: named signals, unconverted."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ TEXT = "is text; a signal is numbers"
 
 
 class RecordingError(LogError):
-    """An invalid recording or description; one sentence says what to change."""
+    """An invalid recording or description; the message is a sentence with what to change."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Signal:
     """A column, variable or field of a file.
 
     values: real numbers of the file's own type, shape (samples,); NaN for a blank cell. unit: as
-    the file spells it, "" where it does not. stamps: of messages, clock -> (samples,) times [ns].
+    the file spells it, "" if it does not. stamps: of messages, clock -> (samples,) times [ns].
     note: a sentence on cells that are no numbers and were taken as gaps, "" for none. lost
     (samples,): True where whole numbers, which have no NaN, are missing; None for nowhere.
     """
@@ -151,7 +151,7 @@ def _plain(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_] | None]
 
 
 def _no_numbers(array: NDArray[Any]) -> str | None:
-    """Say why an array is no row of real numbers, or return None."""
+    """Return why an array is not a row of real numbers, or None."""
     if array.dtype.kind in "US":
         return TEXT
     if array.dtype.kind == "c":

@@ -38,7 +38,7 @@ def repeated(values: Floats) -> int:
 
 
 def renewed(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace without stale readings of positions, and a sentence; "" where none is."""
+    """Return a trace without stale readings of positions, and a sentence; "" if none is."""
     channels, said = dict(trace.channels), list[str]()
     for channel in positions:
         stale = _stale(trace[channel])

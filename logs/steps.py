@@ -18,7 +18,7 @@ LARGEST_MULTIPLE = 1e12  # beyond it the rounding of a double hides the step
 
 
 def step_seen(values: Floats) -> float | None:
-    """Return the step of values, shape (samples,), or None where they show none.
+    """Return the step of values, shape (samples,), or None if they show none.
 
     Values that are not finite are passed over. A signal of fewer than eight levels shows none.
     """

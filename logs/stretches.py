@@ -34,7 +34,7 @@ MOST_BRIDGED = 0.5  # share of the samples
 def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
     """Return the samples at which all these channels have a finite value, and a note on the others.
 
-    The sentence counts the samples taken out, names the channels, and is "" where there are none.
+    The sentence counts the samples taken out, names the channels, and is "" if there are none.
     """
     known = {channel: np.isfinite(trace[channel]) for channel in channels}
     whole = np.logical_and.reduce(list(known.values()), initial=True)
@@ -149,7 +149,7 @@ def _recorded(whole: Trace, channel: str, at: Floats, period: float) -> tuple[Wh
 
 
 def _over(channel: str, values: Floats, t: Floats, at: Floats) -> Floats:
-    """What a channel is taken to be where it was not recorded."""
+    """The assumed value of a channel that was not recorded."""
     known = np.isfinite(values)
     if known.sum() < 2:
         return np.full(at.size, np.nan)

@@ -32,7 +32,7 @@ class Summary:
 
 
 def read_summary(file: BinaryIO) -> Summary | None:
-    """Return the summary, or None where there is none that can be trusted."""
+    """Return the summary, or None if there is no reliable one."""
     size = file.seek(0, os.SEEK_END)
     if size < len(MCAP0_MAGIC) + TAIL:
         return None

@@ -29,7 +29,7 @@ Columns = dict[str, Floats]
 
 
 def columns_of(trace: Trace, prefix: str = "") -> tuple[Columns, dict[str, Any]]:
-    """Return column -> values with the time first, and what `about` says of them."""
+    """Return column -> values with the time first, and their description in `about`."""
     units = {name: trace.units[name] for name in trace.channels}
     fields = field_names(units)
     time = "t_s"
@@ -75,7 +75,7 @@ def _sum(about: Mapping[str, Any]) -> int:
 
 
 def events_of(log: Log) -> list[list[Any]]:
-    """Return the events as JSON knows them."""
+    """Return the events in JSON types."""
     return [list(event) for event in log.events]
 
 

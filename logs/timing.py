@@ -35,7 +35,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Timing:
-    """What the stamps of one stream show.
+    """The examination of the stamps of one stream.
 
     period [s]: 0 where fewer than two stamps differ. jitter [s]: standard deviation of the
     intervals that are no gaps. resolution [s]: the step of which all stamps are multiples, 0
@@ -64,7 +64,7 @@ class Timing:
         return 1.0 / self.period if self.period > 0.0 else 0.0
 
     def facts(self) -> dict[str, Any]:
-        """Return the examination as JSON knows it, with units in the names."""
+        """Return the examination in JSON types, with units in the names."""
         seconds = {"start", "stop", "period", "jitter", "resolution", "repeats_at", "backwards_at"}
         values = {
             f"{k}_s" if k in seconds else k: v for k, v in asdict(self).items() if k != "gaps"
@@ -162,7 +162,7 @@ def _stays(t: Floats, k: int, period: float) -> bool:
 
 
 def _resolution(t: Floats, period: float, rounding: float) -> float:
-    """Return the step of the stamps between rounding and the period, 0 where there is none."""
+    """Return the step of the stamps between rounding and the period, 0 if there is none."""
     step = step_seen(t)
     return step if step is not None and rounding < step < 0.999 * period else 0.0
 

@@ -29,7 +29,7 @@ class Topic:
     def chunks(self, t: Floats, channels: Mapping[str, Floats]) -> Iterator[Content]:
         """Yield the block as chunks; each is valid until the next one is asked for.
 
-        Raises LogBlockError where names, shapes or times do not fit, before the first chunk.
+        Raises LogBlockError if names, shapes or times do not fit, before the first chunk.
         """
         columns = self._columns(t, channels)
         log_time, columns[0] = to_log_time(columns[0], self.epoch_ns)

@@ -97,7 +97,7 @@ def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tu
         told = (
             "the motion does not show it"
             if seen.share + CLEARLY * seen.error < SHOWN
-            else (f"the motion does not tell whether samples were uneven ({shows} would show)")
+            else (f"the motion does not show whether samples were uneven ({shows} would show)")
         )
         return trace, f"{said}, and {told}: samples are taken as even"
     steps = np.diff(trace.t)
@@ -117,7 +117,7 @@ def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tu
 
 
 def _left(values: Floats) -> Floats:
-    """What a cubic through two neighbours on each side leaves, (n - 4,)."""
+    """The residual of a cubic through two neighbours on each side, (n - 4,)."""
     inner, outer = values[1:-3] + values[3:-1], values[:-4] + values[4:]
     return values[2:-2] - (4.0 * inner - outer) / 6.0
 
@@ -139,7 +139,7 @@ def _spline_error(t: Floats, values: Floats, ends: Sequence[int]) -> float:
 def _evened(
     trace: Trace, cut: slice, period: float, outputs: Sequence[str]
 ) -> tuple[Floats, dict[str, Floats]] | None:
-    """One stretch on ticks of its own; None where it is too short for a spline."""
+    """One stretch on ticks of its own; None if it is too short for a spline."""
     forward = np.concatenate(([True], np.diff(np.maximum.accumulate(trace.t[cut])) > 0.0))
     t = trace.t[cut][forward]
     if t.size < 4:

@@ -53,7 +53,7 @@ def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace,
         turns[at + 1] = -np.sign(np.diff(values)[at])
         channels[channel] = values + size * np.cumsum(turns)
         unit = f" {trace.units[channel]}" if trace.units[channel] else ""
-        said.append(f"{channel} of {name} starts anew every {size:.6g}{unit}, {times(at.size)}")
+        said.append(f"{channel} of {name} starts again every {size:.6g}{unit}, {times(at.size)}")
     if not said:
         return trace, ""
     return trace.with_channels(channels), f"{'; '.join(said)}: it is continued"
@@ -81,7 +81,7 @@ def _wraps(values: Floats) -> tuple[NDArray[np.int64], float] | None:
 
 
 def _meant(values: Floats, size: float) -> float:
-    """What a counter holds that seems to hold so much."""
+    """The exact range of a counter whose range seems to be `size`."""
     for turn in (2.0 * math.pi, math.pi):
         if abs(size / turn - 1.0) < NEAR:
             return turn

@@ -43,7 +43,7 @@ DATES = (
 def nanoseconds_of(cells: Sequence[object]) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
     """Return the times in cells of text [ns], and which are missing, each (samples,).
 
-    None where less than `SHARE` of the cells that are not blank are times of one form.
+    None if less than `SHARE` of the cells that are not blank are times of one form.
     """
     texts = [str(cell).strip() if isinstance(cell, str) else "" for cell in cells]
     first = next((text for text in texts if text), "")

@@ -1,1 +1,1 @@
-"""What a recording would show before it is made, and what to record next."""
+"""What a planned recording would show, and what to record next."""

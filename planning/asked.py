@@ -1,12 +1,12 @@
-"""Default values of a plan: how long, how strong, under which noise."""
+"""Default length and noise of a plan."""
 
 from zwidth.diagnosis.recording.experiment import SHORTEST
 from zwidth.planning.excitations import Scale
 from zwidth.planning.rehearsal import Noise
 from zwidth.sim.device import Device
 
-PROCESS = 0.002  # of the largest command: the process noise where none is given
-LONGEST = 120_000  # ticks: a hundred signatures as long are held at once
+PROCESS = 0.002  # of the largest command: the default process noise
+LONGEST = 120_000  # ticks: memory holds a hundred signatures of this length at once
 
 
 def check_length(device: Device, seconds: float) -> None:
@@ -14,17 +14,17 @@ def check_length(device: Device, seconds: float) -> None:
     period = device.interface.period
     if not SHORTEST <= seconds / period <= LONGEST:
         raise ValueError(
-            f"seconds is {seconds:g}; at this device's period of {period:g} s {SHORTEST * period:g}"
-            f" to {LONGEST * period:g} s are allowed"
+            f"seconds is {seconds:g}; with this device's period of {period:g} s, it must be from"
+            f" {SHORTEST * period:g} to {LONGEST * period:g} s"
         )
 
 
 def usual_noise(
     device: Device, scale: Scale, measurement: float | None = None, process: float | None = None
 ) -> Noise:
-    """Return the noise as given, else that of an encoder's step and 0.2 % of the largest command.
+    """Return the noise as given, by default an encoder's step and 0.2 % of the largest command.
 
-    Raises ValueError where a device without an encoder step has no measurement noise given.
+    Raises ValueError if the measurement noise is not given and the device has no encoder step.
     """
     return Noise(process or PROCESS * scale.level, _measurement(device, measurement, scale.travel))
 

@@ -1,9 +1,9 @@
-"""A library of excitations, as strong as the device allows, and as scenario files to play.
+"""A library of excitations, as strong as the device allows, saved as scenario files to play.
 
-`zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). The
-strength is limited by the largest command (level) and by the largest travel of the simulated
-device, whichever comes first. Slow signals on a device without a spring are limited by the travel;
-friction that the device file does not contain makes a real device travel less.
+`zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one per tick).
+The strength is limited by the largest command (level) and by the largest travel of the simulated
+device, whichever is reached first. Slow signals on a device without a spring are limited by the
+travel; with friction that is not in the device file a real device travels less.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,18 +27,18 @@ from zwidth.sim.run import simulate
 Floats = NDArray[np.float64]
 Signal = Callable[[float, float, int], Floats]  # duration [s], period [s], seed
 
-FROM_HZ, TO = 0.7, 0.3  # lowest frequency; highest, of the sampling frequency
-SMALL = 0.1  # a small signal's share of a large one
-MARGIN = 0.9  # of the command limit that is used
-ROTARY_TRAVEL, LINEAR_TRAVEL = 1.0, 0.1  # [rad], [m], where nothing else is known
+FROM_HZ, TO = 0.7, 0.3  # lowest frequency; highest, over the sampling frequency
+SMALL = 0.1  # strength of a small signal over that of a large one
+MARGIN = 0.9  # share of the command limit that is used
+ROTARY_TRAVEL, LINEAR_TRAVEL = 1.0, 0.1  # [rad], [m], if nothing else is known
 CYCLE_S, HOLD_S, CHIRP_FROM_HZ = 4.0, 0.05, 4.0
 HALVINGS = 12
-WIDER = 1.5  # times a recorded travel that another excitation may go
+WIDER = 1.5  # allowed travel over the recorded one
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How strong: largest |command| [N m | N], largest |position of m1| [rad | m]."""
+    """How strong an excitation may be: largest |command| [N m | N], |position of m1| [rad | m]."""
 
     level: float
     travel: float
@@ -50,7 +50,7 @@ class Scale:
 
 
 class NoExcitation(ValueError):
-    """An excitation whose band does not fit in the time that it has."""
+    """The time is too short for the band of an excitation."""
 
 
 def scale_for(
@@ -59,11 +59,10 @@ def scale_for(
     level: float | None = None,
     travel: float | None = None,
 ) -> Scale:
-    """Return how strong excitations may be: as given, else as recorded, else as the device allows.
+    """Return how strong excitations may be: as given, else by recordings, else by the device.
 
-    Without a recording the travel is 1 rad or 0.1 m. Without one that a command drives, the level
-    is 90 % of the command limit; without that limit either, the level at which white noise has this
-    travel.
+    Without a recording the travel is 1 rad or 0.1 m. Without a driven recording the level is 90 %
+    of the command limit or, if there is no limit, the level at which white noise has this travel.
     """
     if travel is None:
         recordings = [
@@ -104,9 +103,10 @@ def excitation(name: str, device: Device, seconds: float, scale: Scale, seed: in
 
 
 def bearable(device: Device, unit: Floats, scale: Scale) -> float:
-    """Return the largest strength of a signal, at most the level, at which the travel is kept.
+    """Return the largest strength of a signal within the level and the travel of the scale.
 
-    A linear device scales; one with friction, play or stops of its own is tried.
+    Computed by scaling for a linear device, by bisection for one with physics of its own, such as
+    friction, play or stops.
     """
     if not device.physics:
         return min(scale.level, scale.travel / travelled(device, unit))
@@ -123,7 +123,7 @@ def bearable(device: Device, unit: Floats, scale: Scale) -> float:
 
 
 def travelled(device: Device, command: Floats) -> float:
-    """Return the largest |position of m1| under a command from rest, no limit or step on it."""
+    """Return the largest |position of m1| under a command, from rest, without limit or steps."""
     free = device.with_interface(command_limit=np.inf, command_step=0.0, encoder_step=0.0)
     run = simulate(
         free,
@@ -149,17 +149,17 @@ def full_multisine(duration: float, period: float, seed: int) -> Floats:
 
 
 def rising_chirp(duration: float, period: float, seed: int) -> Floats:
-    """Return one sweep up to the same frequency, from one at which a free mass goes not too far."""
+    """Return one sweep up to the same frequency, from 4 Hz, so that a free mass travels little."""
     return chirp(1.0, max(CHIRP_FROM_HZ, _lowest(duration)), TO / period, duration, period)
 
 
 def slow_triangle(duration: float, period: float, seed: int) -> Floats:
-    """Return triangles of four seconds, or two of them in a shorter time."""
+    """Return triangles of four seconds each, or two triangles in a shorter time."""
     return triangle(1.0, min(CYCLE_S, 0.5 * duration), duration, period)
 
 
 def steps(duration: float, period: float, seed: int) -> Floats:
-    """Return steps of random size, each as + - - + of equal lengths: a free mass comes back."""
+    """Return steps of random size, each as + - - + of equal lengths: a free mass returns."""
     hold = max(1, round(HOLD_S / period))
     sizes = random_steps(1.0, 4 * hold * period, duration, period, seed)
     turns = np.tile(np.repeat([1.0, -1.0, -1.0, 1.0], hold), -(-sizes.size // (4 * hold)))
@@ -170,15 +170,15 @@ def _lowest(duration: float) -> float:
     return max(FROM_HZ, 2.0 / duration)
 
 
-# Twice each, so that the part of a recording that is fitted to and the part that it is judged by
-# hold every kind of motion.
+# Each twice, so that both the fitted and the judged part of a recording contain every kind of
+# motion.
 SESSION: tuple[tuple[float, Signal], ...] = (
     (SMALL, full_multisine),
     (1.0, full_multisine),
     (1.0, slow_triangle),
     (1.0, steps),
 )
-# name -> parts one after the other, equally long: (share of the strength, signal)
+# name -> consecutive parts of equal length: (share of the strength, signal)
 LIBRARY: Mapping[str, tuple[tuple[float, Signal], ...]] = {
     "small_multisine": ((SMALL, full_multisine),),
     "large_multisine": ((1.0, full_multisine),),

@@ -1,17 +1,18 @@
-"""What a recording can show: how far an effect stands above everything that a refit can absorb.
+"""What a recording can show: how many sigma of an effect a refit of the device cannot absorb.
 
-With e(device) the innovations under an observer that stays fixed, in units of their deviations, an
-effect's signature is s = e(device with it) - e(device), and J holds e's slopes by masses, dampers
-and springs, and by what a refit absorbs besides: delay, constant force and spring to ground. A
-matched filter that may refit all of that sees the effect at
+Let e(device) be the innovations under a fixed observer, in units of their deviations. The signature
+of an effect is s = e(device with the effect) - e(device), and J has the derivatives of e by masses,
+dampers and springs, and by the other quantities that a refit absorbs: delay, constant force and
+spring to ground. A matched filter with a refit of all these sees the effect at
 
     sigma = |(I - P) s|,    P the projector on the span of J:
 
 which is the square root of the chi-square that a fit gains by the effect if the effect is true (for
-one parameter this is the Cramer-Rao bound). If the effect is itself one of these, it does not
-absorb itself. Signatures of clipping, free play and steps are not linear in magnitude, so the
-magnitude at which sigma = 5 is found by bracketing. The clock's skew has the effect of a delay and
-is only limited by its prior: a delay of d has a sigma of at most d over the prior's width.
+one parameter this is the Cramer-Rao bound). If the effect is itself one of these quantities, that
+one is left out of the refit. Signatures of clipping, free play and steps are not linear in
+magnitude, so the magnitude at which sigma = 5 is found by bracketing. The clock's skew has the
+effect of a delay and is only limited by its prior: a delay of d has a sigma of at most d over the
+prior's width.
 
 Limits: J and s are computed for one device on one recording. Of an encoder's step only the gain in
 prediction is counted, not the fact that all values then lie on one lattice.
@@ -36,18 +37,18 @@ __all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "se
            "strengthened"]  # fmt: skip
 
 Floats = NDArray[np.float64]
-SHOWN = 5.0  # sigma at which an effect is called visible
-CLOSE = 0.02  # relative, of sigma at the magnitude returned
-JUMP = 1e-3  # relative width at which a bracket that a jump keeps open is narrow enough
-DROPS = 50  # lost commands by which the worth of one is judged
+SHOWN = 5.0  # sigma at which an effect counts as visible
+CLOSE = 0.02  # relative tolerance of sigma at the returned magnitude
+JUMP = 1e-3  # relative width at which a bracket is narrow enough, even if sigma jumps in it
+DROPS = 50  # lost commands from which the effect of one is estimated
 WEAKEST, STRONGEST = 1e-12, 1e6  # factors on the magnitude within which a limit is sought
 TRIES = 80
 
 
 def sigma(reference: Reference, physics: Physics) -> float:
-    """Return at how many sigma an effect of these values stands above what a refit absorbs.
+    """Return at how many sigma an effect with these values is visible after a refit.
 
-    dropped_samples: in the mean over which commands are lost, and zero where less than one is.
+    dropped_samples: the mean over which commands are lost, and zero if fewer than one is.
     """
     name = physics.effect.name
     if name == dropped_samples.name:
@@ -60,7 +61,7 @@ def sigma(reference: Reference, physics: Physics) -> float:
 
 
 def _lost(reference: Reference, rate: float) -> float:
-    """Chi-square is the sum over commands lost, where they are few: measured at a rate of some."""
+    """Few losses add up in chi-square, so it is measured at a higher rate and scaled down."""
     if rate * reference.ticks < 1.0:
         return 0.0
     tried = min(1.0, max(rate, DROPS / reference.ticks))
@@ -69,10 +70,10 @@ def _lost(reference: Reference, rate: float) -> float:
 
 
 def limit(reference: Reference, physics: Physics) -> Physics | None:
-    """Return the effect with its magnitude scaled so that it stands at five sigma (`SHOWN`).
+    """Return the effect with its magnitude scaled so that it is at five sigma (`SHOWN`).
 
-    The other parameters (a period, a velocity) stay as given. None where no magnitude does, or the
-    effect has none.
+    The other parameters (a period, a velocity) stay as given. None if no magnitude reaches five
+    sigma, or the effect has no magnitude.
     """
 
     def sigma_at(factor: float) -> float | None:
@@ -86,10 +87,10 @@ def limit(reference: Reference, physics: Physics) -> Physics | None:
 
 
 def crossing(sigma_at: Callable[[float], float | None]) -> float | None:
-    """Return the factor, near the smallest, at which sigma is 5; None where there is none.
+    """Return the factor, near the smallest, at which sigma is 5; None if there is no such factor.
 
-    sigma_at returns None where a factor is more than the effect allows. Bracketed by powers, then
-    by secants in the logarithms, which meet a power law at once, and halvings.
+    sigma_at returns None if a factor is more than the effect allows. The factor is bracketed in
+    growing steps and then found by secants in the logarithms, which are exact for a power law.
     """
     low: tuple[float, float] | None = None
     high: tuple[float, float] | None = None

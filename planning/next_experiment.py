@@ -1,9 +1,9 @@
-"""What to record next, so that two effects that look alike are told apart.
+"""The next recording to make, to tell two effects that look alike apart.
 
 Every excitation of the library is simulated on the fitted device, and the two effects are compared
-on it as they were found: |s_a - s_b(p) - J x| with b's parameters p and the refit x fitted, and
-with a and b exchanged. The excitation for which the smaller of the two distances is largest wins.
-It is as strong as the recording, has half as much more travel, and the same length.
+on it at their fitted values: |s_a - s_b(p) - J x| with b's parameters p and the refit x fitted, and
+with a and b exchanged. The chosen excitation is the one for which the smaller of the two distances
+is largest. It is as strong and as long as the recording, with half as much again of travel.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics.effect import Physics
 
 SHORTEST_S, LONGEST_S = 10.0, 60.0
-TELLING = 1.0  # sigma below which an excitation tells nothing
+TELLING = 1.0  # sigma below which an excitation does not help
 
 
 def next_experiment(
@@ -50,8 +50,8 @@ def next_experiment(
     """Choose the excitation that separates two effects best, and write it to `out`, a TOML path.
 
     device: as fitted, without a and b; a, b: each with the values that explain the recording.
-    experiments and observer: of the diagnosis; they say how strong and how noisy the rig is. None
-    where no excitation of the library tells them apart at all.
+    experiments, observer: of the diagnosis; they give the strength and the noise of the rig.
+    Returns None if no excitation of the library tells the effects apart.
     """
     noise = noise_of(device, experiments[0], observer)
     scale = scale or scale_for(device, experiments)
@@ -83,7 +83,7 @@ def next_experiment(
 
 
 def _apart(prepared: Reference, true: Physics, rival: Physics) -> float:
-    """Distance of one effect from what the other can pretend, from its found values and others."""
+    """Distance of one effect from its best imitation by the other, over several starts."""
     label = place_label(rival)
     others = [s for s in prepared.starts if s.label == label]
     free = {k for start in others for k, scale in start.scales.items() if scale != 0.0}

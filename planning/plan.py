@@ -1,9 +1,9 @@
-"""What a recording would show, before it is made: the limits, and what it could not tell apart.
+"""What a planned recording would show: the limit of each effect, and which it cannot tell apart.
 
-The recording is simulated with its noise and read as `planning.limits` reads a real one. The
-smallest magnitude at five sigma is found for every effect. Then each effect at `ALIKE` times its
-limit is compared with every other one, at the shapes and the strength at which that one is nearest
-to first order.
+The recording is simulated with its noise and analysed as `planning.limits` does a real one. The
+limit of every effect, its smallest magnitude at five sigma, is computed. Then each effect at
+`ALIKE` times its limit is compared with every other effect, at the shape and strength at which, to
+first order, that one is nearest.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from zwidth.planning.limits import SHOWN, limit
 from zwidth.planning.reference import Reference, reference
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.planning.separation import shapes
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
@@ -30,17 +30,18 @@ from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import of_label, place_at
 
 Floats = NDArray[np.float64]
-ALIKE = 3.0  # times the limit, where effects are held against each other
+ALIKE = 3.0  # times the limit, at which effects are compared with each other
 RAN_AWAY = 1e5  # sigma of one sample
 Advance = Callable[[str], object]
 
 
 @dataclass(frozen=True)
-class Visible:
-    """The smallest magnitude of an effect that shows: physics at five sigma, None for never.
+class Visible(Valued):
+    """The smallest visible magnitude of an effect; physics: the effect at five sigma, or None.
 
-    name: of the parameter that is its magnitude; unit: of that. natural: the reference magnitude
-    for a share: a friction as large as the command, a gap as large as the link's stretch.
+    None: no magnitude is visible. name, unit: of the parameter that is its magnitude. natural:
+    reference for a relative magnitude: a friction as large as the command, a gap as large as the
+    link's stretch.
     """
 
     label: str
@@ -58,11 +59,12 @@ class Visible:
 
 
 @dataclass(frozen=True)
-class Confusable:
-    """Two effects, one of which looks like the other at three times its limit.
+class Confusable(Valued):
+    """Two effects that look alike when one of them has three times its limit.
 
-    separation_sigma: of the nearer of the two ways round. better: the excitation of the library
-    that separates them best, with its sigma; None where none reaches five sigma.
+    separation_sigma: the smaller of the two distances, of either from the other. better: the
+    excitation of the library that separates them best, with its sigma; None if no excitation
+    reaches five sigma.
     """
 
     effect: str
@@ -74,10 +76,11 @@ class Confusable:
 
 @dataclass(frozen=True, repr=False)
 class Plan(Shown):
-    """What a recording of an excitation would show.
+    """The analysis of a planned recording.
 
-    labels and distances (effects, rivals): distances[i, j] is how many sigma effect i, at three
-    times its limit, is away from rival j; on the diagonal, from a device without the effect.
+    labels: of the compared effects. distances (effects, rivals): distances[i, j] is the distance in
+    sigma of effect i, at three times its limit, from rival j; on the diagonal, from a device
+    without the effect.
     """
 
     excitation: str
@@ -91,9 +94,9 @@ class Plan(Shown):
 def plan(
     device: Device, experiment: Experiment, noise: Noise, advance: Advance = lambda _: None
 ) -> tuple[Plan, Reference]:
-    """Return what a (rehearsed) recording would show, and the reference that it was read by.
+    """Return the analysis of a rehearsed recording, and the reference that it was made with.
 
-    advance is called after every effect. `better_excitations` fills in what would do better.
+    advance is called after every effect. `better_excitations` adds better excitations.
     """
     prepared = reference(device, [experiment], noise)
     sizes = sizes_of(device, [experiment])
@@ -114,8 +117,15 @@ def plan(
     return Plan(experiment.name, seconds, visible, labels, distances, pairs), prepared
 
 
+def most_steps(device: Device) -> int:
+    """Return how often at most `plan` and `better_excitations` call `advance`, together."""
+    every = (place_at(at) for effect in EFFECTS.values() for at in effect.places)
+    places = sum(place.masses_needed <= device.chain.masses.size for place in every)
+    return places + 1 + len(LIBRARY)
+
+
 def _typical(prepared: Reference, sizes: Sizes) -> list[Start]:
-    """One start an effect and place, of a middle shape; also of what no candidate is of."""
+    """One start of middle shape per effect and place, including effects of the recording itself."""
     aside = [
         start
         for effect in EFFECTS.values()
@@ -183,9 +193,9 @@ def _bank(prepared: Reference, labels: Sequence[str], strength: float) -> dict[s
 
 
 def nearest_of(target: Floats, signatures: Sequence[Floats], rival: str) -> float:
-    """Distance of a target from the nearest multiple of any signature, all projected.
+    """Distance of a target from the nearest positive multiple of any signature, all projected.
 
-    Waves, and what else turns, are given at two phases, and span all.
+    Effects with a phase, such as waves, have signatures at two phases, which span all phases.
     """
     whole = float(target @ target)
     wave = bool(EFFECTS[of_label(rival)[0]].turning)
@@ -231,9 +241,9 @@ def better_excitations(
     seed: int = 0,
     advance: Advance = lambda _: None,
 ) -> Plan:
-    """Return the plan with the excitation of the library that would tell each pair apart.
+    """Return the plan with, for each pair, the library's excitation that separates it best.
 
-    The same effects at the same strength, under the same noise for the same time.
+    The effects have the same strength, noise and duration as in the plan.
     """
     wanted = {label for pair in found.confusable for label in (pair.effect, pair.rival)}
     physics = {v.label: v.physics for v in found.visible if v.label in wanted}

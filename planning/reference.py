@@ -1,4 +1,4 @@
-"""A device on experiments, with all that a linear refit could absorb of a new effect."""
+"""A device on experiments, with all that a linear refit could absorb of an added effect."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,16 +28,16 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
-SMALL = 1e-4  # of what a recording moves by: of an effect so small the signature is a slope
+SMALL = 1e-4  # of a recording's motion: so small an effect has a linear signature
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What `reference` prepares.
+    """A device prepared on experiments by `reference`.
 
-    problem holds experiments and observer. base (samples,): weighted innovations. jacobian (samples
-    and priors, parameters) of the linear refit. absorbed: effect -> its slope, (samples and
-    priors,), for what a refit absorbs besides. peak: the largest command.
+    problem: experiments and observer. base (samples,): weighted innovations. jacobian (samples and
+    priors, parameters): of the linear refit. absorbed: for each further effect that a refit
+    absorbs, its derivative (samples and priors,). peak: the largest command.
     """
 
     device: Device
@@ -62,11 +62,11 @@ class Reference:
 
     @cached_property
     def starts(self) -> list[Start]:
-        """Every further effect at every place that the device could have, with shapes."""
+        """Every further effect that the device could have, at every place and in every shape."""
         return candidates(self.device, self.experiments)
 
     def off(self, *effects: str) -> Complement:
-        """Return the projection off the refit's span; effects named are left out of the refit."""
+        """Return the projection off the refit's span; `effects` are left out of the refit."""
         key = frozenset(effects).intersection(self.absorbed)
         if key not in self._off:
             kept = [column for name, column in self.absorbed.items() if name not in key]
@@ -82,7 +82,7 @@ class Reference:
 def weighted(problem: Problem, device: Device) -> Floats:
     """Return the innovations (samples,) of a device in units of their deviations.
 
-    All `WORST` where no kernel can follow the device (a mode too fast for friction's substeps).
+    All are `WORST` if no kernel can simulate the device (a mode too fast for friction's substeps).
     """
     try:
         ready, gain = prepared(device), problem.observer.gain
@@ -104,16 +104,16 @@ def reference(
 ) -> Reference:
     """Prepare a device on experiments.
 
-    device: the true one as far as it is known; effects that it has count as known. noise: where it
-    is None the observer is chosen by the likelihood of the recordings under this device, and colour
-    that is left is whitened: the recordings must hold nothing that the device does not have.
+    device: the true one as far as it is known; its effects count as known. noise: if it is None,
+    the observer is chosen by the likelihood of the recordings under this device, and remaining
+    colour is whitened: the recordings must then contain no physics that the device lacks.
     """
     nothing = np.zeros(Model(device).linear_count)
     if noise is None:
         observer = likeliest(experiments, Model(device), nothing).observer
     else:
         observer = known_observer(device, experiments[0], noise)
-    # An encoder's rounding of what is predicted would turn every small difference into noise.
+    # Rounding the predictions as an encoder does would turn every small difference into noise.
     device = device.with_interface(encoder_step=0.0)
     problem, model = Problem(experiments, observer), Model(device)
     jacobian = fitted_at(problem, model, nothing).jacobian
@@ -126,10 +126,10 @@ def reference(
 
 
 def _small(device: Device, experiments: Sequence[Experiment]) -> list[Physics]:
-    """What a refit absorbs besides, so small that signatures are slopes.
+    """The further effects that a refit absorbs, so small that their signatures are linear.
 
-    A device with a spring to ground has that spring and the recording's origin in its refit, which
-    are the same as a further spring and a constant force.
+    A device with a spring to ground needs no further spring and no constant force: its refit has
+    the same freedom in that spring and in the recording's origin.
     """
     sizes = sizes_of(device, experiments)
     found: list[Physics] = []

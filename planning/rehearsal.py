@@ -1,8 +1,7 @@
 """A simulated recording of a planned experiment: the response of a device to a command, with noise.
 
-The information of an experiment is computed before it is made, so the recording is simulated, with
-the noise that the rig is believed to have: a random force at m1, new every tick, and noise of the
-measurement.
+The experiment is analysed before it is made, so its recording is simulated, with the noise that the
+rig is believed to have: a random force at m1, new every tick, and measurement noise.
 """
 
 from collections.abc import Sequence
@@ -26,9 +25,9 @@ ENCODER = (Output("position", 0),)
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: force at m1, held for a tick each [N m | N]; measurement [rad | m].
+    """Standard deviations: force at m1, new every tick [N m | N]; measurement [rad | m].
 
-    Velocities are measured with the position's noise over one period, as differences would be.
+    Measured velocities have the position's noise over one period, as differences would.
     """
 
     process: float
@@ -41,7 +40,7 @@ class Noise:
 
 
 class RunsAway(ValueError):
-    """A device that leaves all bounds under a command."""
+    """A device diverges under a command."""
 
 
 def rehearse(
@@ -55,7 +54,7 @@ def rehearse(
 ) -> Experiment:
     """Return the recording that a device would give under a command (ticks,).
 
-    Raises RunsAway where the device does under that command.
+    Raises RunsAway if the device diverges under it.
     """
     random = np.random.default_rng(seed)
     period = device.interface.period
@@ -73,7 +72,7 @@ def rehearse(
     seen = ["encoder" if at else o.name for at, o in zip(sensed, outputs, strict=True)]
     y = np.column_stack([run.trace[channel] for channel in seen])
     y += noise.measurement * np.array(scale) * random.standard_normal(y.shape)
-    y[:, sensed] = _counted(y[:, sensed], device.interface)  # an encoder counts what has noise
+    y[:, sensed] = _counted(y[:, sensed], device.interface)  # noise comes before rounding
     return Experiment(period, command, y, tuple(outputs), name, float(np.std(y[:, 0])))
 
 
@@ -87,10 +86,10 @@ def _counted(y: Floats, interface: Interface) -> Floats:
 
 
 def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Observer:
-    """Return the observer for a noise that is known: its gain, and its innovations' deviations.
+    """Return the observer for a known noise: its gain, and the deviations of its innovations.
 
-    The deviations are those of the linear part. An encoder's rounding counts as noise, its step
-    squared over twelve. Raises NoObserver where there is none (`zwidth.diagnosis.noise.steady`).
+    The deviations hold for the linear part. An encoder's rounding counts as noise with the variance
+    step^2 / 12. Raises NoObserver if there is no observer (`zwidth.diagnosis.noise.steady`).
     """
     rounding = device.interface.encoder_step**2 / 12.0
     noise = replace(noise, measurement=float(np.sqrt(noise.measurement**2 + rounding)))
@@ -110,6 +109,6 @@ def noise_of(device: Device, experiment: Experiment, observer: Observer) -> Nois
 
 
 def _of_ratio(device: Device, experiment: Experiment, observer: Observer) -> Noise:
-    """The observer's ratio at a measurement noise of one."""
+    """The noise with the ratio of the observer, for a measurement noise of one."""
     mass = float(device.plant().matrices.mass.trace())
     return Noise(float(np.sqrt(observer.ratio)) * mass / experiment.period**2, 1.0)

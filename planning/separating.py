@@ -1,4 +1,4 @@
-"""The excitation that separates a doubtful finding from its nearest rival."""
+"""Choose the excitation that separates a doubtful finding from its nearest rival."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from zwidth.sim.physics.effect import Physics
 def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
     """Choose and write the excitation that tells the first doubtful finding from its nearest rival.
 
-    None where nothing is doubtful, or no excitation of the library tells them apart.
+    Returns None if no finding is doubtful, or no excitation of the library tells them apart.
     """
     searched = found.searched
     final = searched.final
@@ -35,7 +35,7 @@ def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
 
 
 def _with_rival(searched: Searched, own: str, label: str) -> Fitted | None:
-    """A fit with a rival in the place of an effect."""
+    """A fit with the rival in place of the effect `own`."""
     found = searched.tried
     other = found.tried.get(found.best.labels - {own} | {label})
     return None if other is None or other.slopes is None else other.fitted

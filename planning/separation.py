@@ -1,12 +1,13 @@
-"""How far an effect is from the nearest imitation by another effect, with the refit included.
+"""The distance of an effect from its nearest imitation by another effect and a refit.
 
-The distance, in sigma, from the effect's signature s to all that refit and rival reach together:
+The distance, in sigma, from the effect's signature s to all signatures that refit and rival reach
+together:
 
     min over x and the rival's parameters p of |s - s_rival(p) - J x|.
 
-s_rival is no linear function of p (periods, gaps, frequencies), so the minimum is sought by damped
-Gauss-Newton steps from the best of several starts, one a shape that the rival may take. It is a
-local minimum: the true distance may be smaller, never larger.
+s_rival is not linear in p (periods, gaps, frequencies), so the minimum is sought by damped
+Gauss-Newton steps from the best of several starts, one for each shape that the rival may have. It
+is a local minimum: the true distance may be smaller, never larger.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -30,13 +31,13 @@ from zwidth.sim.physics.effect import Physics, Sought
 
 Floats = NDArray[np.float64]
 ROUNDS = 5
-STEP = 1e-3  # of a parameter's scale, for differences
-TRIED = 2  # starts a rival that are refined
-ENOUGH = 0.005  # relative improvement below which it has converged
-AIMS = 3  # times that a start's strength is set anew
-MANY = 6  # starts from which a rival has shapes between them that none of them is
-RELATED = 0.995  # of the whole distance: what is left where a start has anything to do with it
-SMALLEST, LARGEST = 1e-6, 1e4  # factors by which a start may be strengthened at once
+STEP = 1e-3  # of a parameter's scale, for finite differences
+TRIED = 2  # starts of each rival that are refined
+ENOUGH = 0.005  # relative improvement below which the refinement has converged
+AIMS = 3  # times that a start's strength is adjusted
+MANY = 6  # number of starts from which a rival also has shapes between them
+RELATED = 0.995  # of the whole distance: largest remaining distance of a related start
+SMALLEST, LARGEST = 1e-6, 1e4  # factors by which a start's strength may change at once
 
 
 def separation(
@@ -46,12 +47,12 @@ def separation(
     *,
     refine: bool = True,
 ) -> dict[str, float]:
-    """Return effect@place -> distance in sigma of an effect from each rival, nearest first.
+    """Return the distance in sigma of an effect from each rival, by effect@place, nearest first.
 
-    No distance exceeds that from nothing at all, which every rival can be. rivals: starts with
-    their free parameters, several a rival (`seeking.candidates`); by default every other effect
-    at every place. refine: whether to take Gauss-Newton steps, which find periods and frequencies
-    between the starts; without them only the strength of every start is fitted.
+    No distance exceeds that from a device without the effect, since every rival can vanish. rivals:
+    starts with their free parameters, several per rival (`seeking.candidates`); by default every
+    other effect at every place. refine: whether to use Gauss-Newton steps, which find periods and
+    frequencies between the starts; without them only the strength of every start is fitted.
     """
     own = place_label(physics)
     grouped: dict[str, list[Start]] = {}
@@ -82,10 +83,10 @@ def separation(
 
 
 def _sought(reference: Reference, signature: Floats, ways: Collection[Sought]) -> list[Start]:
-    """Starts of effects sought in some ways, where a matched search finds most of a signature.
+    """Starts at the periods and resonances that a matched search finds in a signature.
 
-    Over periods and resonances: both are narrow, and from a start beside one no slope leads there
-    (a mode at another mass seemed 9.7 sigma away, and was 0.7).
+    Both are narrow minima, which descent from a start beside them does not reach (a mode at another
+    mass seemed 9.7 sigma away, and was 0.7). ways: the kinds of search to make.
     """
     x = np.zeros(Model(reference.device).linear_count)
     left = -signature
@@ -99,7 +100,7 @@ def _sought(reference: Reference, signature: Floats, ways: Collection[Sought]) -
 
 
 def shapes(starts: Iterable[Start]) -> list[Start]:
-    """Return one start of middle strength a shape: what differs only in strength is one shape."""
+    """Return one start of middle strength per shape; starts of a shape differ only in strength."""
     grouped: dict[object, list[Start]] = {}
     for start in starts:
         grouped.setdefault(_shape(start), []).append(start)
@@ -118,7 +119,7 @@ def _shape(start: Start) -> object:
 
 @dataclass(frozen=True)
 class Aimed:
-    """A rival at some values, and the distance that is left: |target - signature|."""
+    """A rival at some values, and the remaining distance: |target - signature|."""
 
     start: Start
     signature: Floats
@@ -126,9 +127,10 @@ class Aimed:
 
 
 def _aimed(reference: Reference, off: Complement, target: Floats, start: Start) -> Aimed:
-    """A start at the strength that comes nearest, were its signature linear in it.
+    """A start at the strength of least distance, by repeated linear scaling of its signature.
 
-    Where it points the wrong way it is tried once more at a strength that the target has.
+    If the signature has the wrong sign and is larger than the target, a strength at which it is
+    smaller than the target is tried.
     """
     whole = float(np.linalg.norm(target))
     best = _at(reference, off, target, start)
@@ -196,7 +198,7 @@ def _solved(gram: Floats, gradient: Floats, damping: float) -> Floats:
 
 
 def _moved(start: Start, steps: Mapping[str, float]) -> Start:
-    """The start moved by steps in units of its scales, held within what the effect allows."""
+    """The start moved by steps in units of its scales, within the limits of the effect."""
     values = dict(start.physics.values)
     for name, step in steps.items():
         p = start.physics.effect.parameter(name)

@@ -1,4 +1,4 @@
-"""Compare what was logged with what is replayed, bit by bit, block after block."""
+"""Compare a log with its replay, bit by bit, block after block."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -73,7 +73,7 @@ class Comparison:
 
     @property
     def exhausted(self) -> bool:
-        """Whether nothing that was logged is left to compare."""
+        """Whether all logged samples have been compared."""
         return self._next == self._order.size
 
     def block(self, replayed: Trace) -> Difference | None:
@@ -96,7 +96,7 @@ class Comparison:
         return Difference(tick, float(replayed.t[first.place]), self.topic, *first[1:])
 
     def rest(self) -> Difference | None:
-        """Return the first logged sample that is left when the replay is at its end."""
+        """Return the first logged sample beyond the end of the replay."""
         if self.exhausted:
             return None
         t = float(self._sorted[self._next])
@@ -116,7 +116,7 @@ class Comparison:
 
 
 def _miscounted(places: Ints, replayed: Trace) -> Found | None:
-    """Find the first sample that the log has not, or has more than once."""
+    """Find the first sample that the log lacks, or has more than once."""
     counts = np.bincount(places, minlength=len(replayed))
     wrong = np.flatnonzero(counts != 1)
     if wrong.size == 0:

@@ -85,7 +85,8 @@ def controller_entry(controller: Controller, array: str | None = None) -> dict[s
         }
     if controller.kind not in KINDS:
         raise ValueError(
-            f"controller.kind is {controller.kind!r}; a scenario knows {', '.join([*KINDS, USER])}"
+            f"controller.kind is {controller.kind!r}; in a scenario it must be one of"
+            f" {', '.join([*KINDS, USER])}"
         )
     numbers = controller.parameters.tolist() if array is None else array
     arguments = inspect.signature(KINDS[controller.kind]).parameters
@@ -118,7 +119,7 @@ def whole(table: Table, key: str, default: int) -> int:
     value = table.number(key, float(default))
     if not value.is_integer():
         place = f"{table.path}.{key}" if table.path else key
-        raise TableError(f"{place} is {value:g}; allowed is a whole number")
+        raise TableError(f"{place} is {value:g}; it must be a whole number")
     return int(value)
 
 
@@ -147,6 +148,6 @@ def _array(table: Table, key: str, files: Files) -> Floats:
         return np.loadtxt(StringIO(data.decode()), dtype=np.float64, ndmin=1)
     except (ValueError, EOFError) as error:
         raise TableError(
-            f"{table.path}.{key} names {name!r}, which is neither .npy nor text with one number a"
+            f"{table.path}.{key} is {name!r}, which is neither .npy nor text with one number per"
             f" line: {error}"
         ) from None

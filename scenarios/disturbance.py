@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
@@ -29,7 +30,7 @@ KEYS = {
 
 
 @dataclass(frozen=True)
-class Disturbance:
+class Disturbance(Valued):
     """One force: kind, amplitude [N m | N], mass "m1", "m2", ..., time from_s to to_s [s].
 
     At the "base" it is the acceleration of the ground on which the device stands, amplitude [rad/s2
@@ -56,22 +57,22 @@ class Disturbance:
             ("to_s", "a time after from_s", self.to_s > self.from_s),
             ("to_s", "finite for a pulse", self.kind != "pulse" or math.isfinite(self.to_s)),
             ("frequency_hz", "above 0 for a sine", not sine or self.frequency_hz > 0.0),
-            ("frequency_hz", "for a sine only", sine or self.frequency_hz == 0.0),
+            ("frequency_hz", "0, except for a sine", sine or self.frequency_hz == 0.0),
             ("phase_rad", "a finite number", math.isfinite(self.phase_rad)),
-            ("phase_rad", "for a sine only", sine or self.phase_rad == 0.0),
+            ("phase_rad", "0, except for a sine", sine or self.phase_rad == 0.0),
         ):
             if not holds:
                 value = getattr(self, field)
-                raise ValueError(f"disturbance.{field} is {value}; allowed is {allowed}")
+                raise ValueError(f"disturbance.{field} is {value}; it must be {allowed}")
 
     def mass(self, dof: int) -> int:
         """Return the index of the mass; for the base, the number of masses.
 
-        Raises ValueError where the chain has no such mass.
+        Raises ValueError if the chain has no such mass.
         """
         places = [*(f"m{i + 1}" for i in range(dof)), BASE]
         if self.at not in places:
-            raise ValueError(f"disturbance.at is {self.at!r}; allowed is {' or '.join(places)}")
+            raise ValueError(f"disturbance.at is {self.at!r}; it must be {' or '.join(places)}")
         return places.index(self.at)
 
     def force(self, ticks: int, period: float, seed: tuple[int, int]) -> Floats:
@@ -82,11 +83,11 @@ class Disturbance:
         """
         if self.from_s >= ticks * period:
             raise ValueError(
-                f"disturbance.from_s is {self.from_s}; allowed is less than the run's duration"
+                f"disturbance.from_s is {self.from_s}; it must be less than the run's duration"
             )
         if not self.frequency_hz < 0.5 / period:
             raise ValueError(
-                f"disturbance.frequency_hz is {self.frequency_hz}; allowed is less than"
+                f"disturbance.frequency_hz is {self.frequency_hz}; it must be less than"
                 f" {0.5 / period:g}, half the sampling rate"
             )
         first, last = (_first_tick(s, ticks, period) for s in (self.from_s, self.to_s))

@@ -1,4 +1,4 @@
-"""What a processor computed before a run began, kept to the bit.
+"""The numbers computed before a run begins, stored exactly for its replay.
 
 Matrix exponentials, eigenvalues, library functions and random streams differ in their last bits, or
 altogether, between processors and library versions; the tick itself does not. So these numbers go
@@ -31,7 +31,7 @@ READ_BEFORE = (4, 7)  # scalars of the memory up to version 0.2, and before forc
 
 
 class NotTheSame(ValueError):
-    """Numbers kept in a log that are not those of its device; the message is one sentence."""
+    """The numbers stored in a log disagree with its device; the message is one sentence."""
 
 
 def computed_bytes(setup: Setup) -> bytes:
@@ -42,9 +42,9 @@ def computed_bytes(setup: Setup) -> bytes:
 
 
 def with_computed(setup: Setup, data: bytes) -> tuple[Setup, list[str]]:
-    """Return the setup with the numbers kept by `computed_bytes`, and what is to be said of them.
+    """Return the setup with the numbers stored by `computed_bytes`, and notes on differences.
 
-    Raises NotTheSame where they are not those of the setup's device and start.
+    Raises NotTheSame if they disagree with the setup's device and start.
     """
     kept, own, notes = _read(data), _numbers(setup), list[str]()
     _fill(kept, own)

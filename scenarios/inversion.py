@@ -1,4 +1,4 @@
-"""A critical oscillation read backwards: a measured value of the sampled plant.
+"""A measured value of the sampled plant, computed from a critical oscillation.
 
 Where a wall (K, B) sustains an oscillation of frequency f, 1 + z^-d (K + B w) Z[H G] = 0, so
 
@@ -40,7 +40,7 @@ class Row(Protocol):
 
 
 class Inverted(NamedTuple):
-    """What a row says at its frequency.
+    """The plant measured by a row, at its frequency.
 
     rate: 2 pi f [rad/s]; delayed: z^d; velocity: w [1/s]; model: the wall K + B w that the model of
     the plant needs for this oscillation.

@@ -34,7 +34,7 @@ COMPUTED = "computed.npz"
 
 
 class Block(NamedTuple):
-    """A piece of a run: a sample per tick, a sample per substep where asked for, outcome so far."""
+    """A block of a run: samples per tick and, if requested, per substep, and the outcome so far."""
 
     tick: Trace
     fine: Trace | None
@@ -43,7 +43,7 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class LoggedRun(Shown):
-    """A finished run and its log: the file, the events and metadata in it."""
+    """A finished run and its log: the file, its events and its metadata."""
 
     run: Run
     path: Path
@@ -72,7 +72,7 @@ def logged_run(
     interrupted or killed: every finished block of 1000 ticks can be read and replayed from it.
 
     A file at `path` is replaced if this function wrote it and nobody has edited it since, or with
-    overwrite. Otherwise raises Protected. Raises ValueError with a sentence, LogError where the log
+    overwrite. Otherwise raises Protected. Raises ValueError with a sentence, LogError if the log
     cannot be written.
     """
     setup = scenario.prepare()
@@ -160,7 +160,7 @@ def _attachments(scenario: Scenario, setup: Setup) -> dict[str, bytes]:
 
 
 def _description(scenario: Scenario) -> dict[str, str]:
-    """What is known before the run, as text."""
+    """Metadata known before the run, as text."""
     law, interface = scenario.controller, scenario.device.interface
     known = {
         "version": zwidth_version(),
@@ -185,7 +185,7 @@ def _description(scenario: Scenario) -> dict[str, str]:
 def _conclusion(
     scenario: Scenario, trace: Trace, outcome: Outcome, perception: Perception
 ) -> dict[str, str]:
-    """What is known after the run."""
+    """Metadata known after the run."""
     found = run_verdict(scenario, trace, outcome, perception)
     judged = {} if found is None else {"verdict": found.verdict.value}
     if found is not None and found.fate is not None:

@@ -1,7 +1,6 @@
-"""What happened in a run, found in its trace: contact, command limit, sticking, the end.
+"""Events of a run, detected in its trace: contact, command limit, sticking, the end.
 
-An event carries the time of the first tick at which the new state is seen; the state in which a run
-starts is no event.
+The time of an event is the first tick in the new state; the initial state of a run is not an event.
 """
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What a run does after the last disturbance: decay, cycle or grow; and how it ends at a wall."""
+"""The verdict on a run after its last disturbance: decay, cycle or growth; its fate at a wall."""
 
 import math
 from typing import NamedTuple
@@ -32,7 +32,7 @@ FEWEST_TICKS = 16
 
 
 class Ending(NamedTuple):
-    """What a run does in the end: its trend; its fate, None where the controller is no wall."""
+    """The end of a run: its trend, and its fate, None if the controller is not a wall."""
 
     verdict: Verdict
     fate: Fate | None
@@ -41,10 +41,10 @@ class Ending(NamedTuple):
 def run_verdict(
     scenario: Scenario, trace: Trace, outcome: Outcome, perception: Perception = Perception()
 ) -> Ending | None:
-    """Return what one finished run does in the end, None if it shows nothing about stability.
+    """Return the end of a finished run, None if it shows nothing about stability.
 
-    Judged is the part in which no disturbance changes, in windows of 0.5 s, or shorter ones where
-    the run is short; a run that escaped grows. None for a driven device and for too short a run.
+    The part after the last change of a disturbance is judged, in windows of 0.5 s, or shorter ones
+    if the run is short; a run that escaped grows. None for a driven device and for too short a run.
     """
     law, device = scenario.controller, scenario.device
     if law.kind == DRIVEN or len(trace) == 0 or trace.t[-1] < scenario.free_from:

@@ -1,4 +1,4 @@
-"""An experiment: what is done to which device, for how long, and what of it is recorded."""
+"""An experiment: a device, its controller, start and disturbances, duration, and recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -51,15 +51,17 @@ class Scenario(Shown):
         object.__setattr__(self, "start", start)
         object.__setattr__(self, "disturbances", tuple(self.disturbances))
         if not 0 <= self.seed <= LARGEST_SEED:
-            raise ValueError(f"seed is {self.seed}; allowed is a whole number 0 to 2^53")
+            raise ValueError(f"seed is {self.seed}; it must be a whole number from 0 to 2^53")
         if self.substeps < 0:
-            raise ValueError(f"substeps is {self.substeps}; allowed is 1 or more, 0 for automatic")
+            raise ValueError(
+                f"substeps is {self.substeps}; it must be 1 or more, or 0 for automatic"
+            )
         if self.energy not in get_args(Energy):
             raise ValueError(f"energy is {self.energy!r}; {nearest(self.energy, get_args(Energy))}")
         if self.substeps == 0:
             object.__setattr__(self, "substeps", usual_substeps(self.device))
         if not self.bound > 0.0:
-            raise ValueError(f"bound is {self.bound}; allowed is more than 0")
+            raise ValueError(f"bound is {self.bound}; it must be above 0")
         start.state(self.masses)
         duration_ticks(self.duration, self.device.interface.period)
         self.forces()

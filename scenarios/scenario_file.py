@@ -66,7 +66,7 @@ def scenario_from_text(
 ) -> Scenario:
     """Return the scenario of a text; `where` begins every complaint; see `load_scenario`.
 
-    files: returns the bytes of a file that the scenario names, raising ValueError where there is
+    files: returns the bytes of a file that the scenario names, raising ValueError if there is
     none; by default it is sought in the working folder.
     """
     try:
@@ -134,7 +134,7 @@ def _scenario(values: Mapping[str, Any], files: Files, step: Step | None) -> Sce
 
 def _named(key: str, value: float) -> float:
     if not 0.0 < value < float("inf"):
-        raise TableError(f"{key} is {value:g}; allowed is a finite time above 0 s")
+        raise TableError(f"{key} is {value:g}; it must be a finite time above 0 s")
     return value
 
 
@@ -142,16 +142,15 @@ def _device(top: Table, files: Files) -> Device:
     table = top.table("device").only(("name", "path", "text"))
     if len(table.keys()) != 1:
         raise TableError(
-            "[device] needs exactly one key: name of a shipped device, path of a device file, or"
-            " its text"
+            "[device] needs exactly one key: name (of a shipped device), path (of a device file) or"
+            " text (of a device file)"
         )
     if "name" in table:
         name = table.text("name")
         if name not in shipped_devices():
             raise TableError(
                 f"device.name is {name!r}, which is not a shipped device;"
-                f" {nearest(name, shipped_devices())}"
-                " (a file of your own is given as path)"
+                f" {nearest(name, shipped_devices())} (give a file of your own as path)"
             )
         device = load_device(name)
     elif "path" in table:
@@ -231,7 +230,7 @@ def _beside(path: Path) -> Files:
                 what = "that is a device, and a scenario file is needed here"
             raise ScenarioError(f"there is no file {str(file)!r}; {what}") from None
         except IsADirectoryError:
-            raise ScenarioError(f"{str(file)!r} is a folder; name a file in it") from None
+            raise ScenarioError(f"{str(file)!r} is a folder; give a file in it") from None
         except OSError as error:
             raise ScenarioError(f"{str(file)!r} cannot be read: {error.strerror}") from None
 

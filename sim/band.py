@@ -3,9 +3,11 @@
 import math
 from dataclasses import dataclass
 
+from zwidth.shown import Valued
+
 
 @dataclass(frozen=True)
-class OutputBand:
+class OutputBand(Valued):
     """Free runs of one output over windows, on data that were not fitted.
 
     name: of the output, "position_m1"; error, noise, motion [unit of the output]: rms error of free
@@ -26,12 +28,13 @@ class OutputBand:
             value = getattr(self, field)
             if not 0.0 <= value < math.inf:
                 raise ValueError(
-                    f"band.output.{field} of {self.name} is {value}; allowed is any number from 0"
+                    f"band.output.{field} of {self.name} is {value}; it must be a finite number of"
+                    " 0 or more"
                 )
 
 
 @dataclass(frozen=True)
-class Band:
+class Band(Valued):
     """What a diagnosis measured of its device, with which `zwidth check` compares later runs.
 
     window [s]: length of a free run; windows: how many there were; ratio: of the observer in whose
@@ -50,8 +53,10 @@ class Band:
     def __post_init__(self) -> None:
         for field, value in (("window_s", self.window), ("observer_ratio", self.ratio)):
             if not 0.0 < value < math.inf:
-                raise ValueError(f"band.{field} is {value}; allowed is any number above 0")
+                raise ValueError(f"band.{field} is {value}; it must be a finite number above 0")
         if not 2 <= self.windows < math.inf or self.windows % 1:
-            raise ValueError(f"band.windows is {self.windows}; allowed is a whole number from 2")
+            raise ValueError(
+                f"band.windows is {self.windows}; it must be a whole number of 2 or more"
+            )
         if not self.outputs:
             raise ValueError("band has no [[band.output]]; give one, or leave [band] out")

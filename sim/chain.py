@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import fields_html
+
 Floats = NDArray[np.float64]
 MAX_MASSES = 5
 
@@ -26,6 +28,8 @@ class Chain(NamedTuple):
     ground_spring: float
     link_springs: Floats
     link_dampers: Floats
+
+    _repr_html_ = fields_html
 
 
 class Chains(NamedTuple):

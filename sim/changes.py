@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.chain import Chain, Chains, make_chain
 from zwidth.sim.device import Device, DeviceError, place_label
 from zwidth.sim.members import Members
@@ -39,7 +40,7 @@ SOUGHT = {"times", "more"}  # how a run says what is different of an effect that
 
 
 @dataclass(frozen=True)
-class Changes:
+class Changes(Valued):
     """What a run adds to a device.
 
     chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
@@ -249,7 +250,7 @@ def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float
             if not least < value < math.inf:
                 kind = "number above 0" if key == "times" else "finite number"
                 raise DeviceError(
-                    f"{own.path}.{name} of the recording is {value:g}; allowed is a {kind}"
+                    f"{own.path}.{name} of the recording is {value:g}; it must be a {kind}"
                 )
     if both := found[0].keys() & found[1].keys():
         raise DeviceError(

@@ -19,6 +19,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.jit import OPTIONS
 
 Floats = NDArray[np.float64]
@@ -53,7 +54,7 @@ def _reason(error: Exception) -> str:
 
 
 @dataclass(frozen=True)
-class Controller:
+class Controller(Valued):
     """A named law with its parameters.
 
     kind: the name of the law in scenarios ("wall", "recorded", "none", or a user's). step: compiled
@@ -69,9 +70,12 @@ class Controller:
 
     def __post_init__(self) -> None:
         if self.memory < 1:
-            raise ValueError(f"controller.memory is {self.memory}; it needs at least 1 value")
+            raise ValueError(f"controller.memory is {self.memory}; it must be at least 1")
         if not np.all(np.isfinite(self.parameters)):
-            raise ValueError(f"controller {self.kind!r} has a parameter that is not finite")
+            raise ValueError(
+                f"controller {self.kind!r} has a parameter that is not finite; give finite numbers"
+                " only"
+            )
 
 
 def user_controller(step: Step, parameters: Floats | None = None, memory: int = 1) -> Controller:
@@ -82,10 +86,12 @@ def user_controller(step: Step, parameters: Floats | None = None, memory: int = 
     """
     source = getattr(step, "py_func", step)
     if not inspect.isfunction(source):
-        raise ValueError(f"controller is {step!r}; a function step(k, t, y, v, p, m) is needed")
+        raise ValueError(f"controller is {step!r}; it must be a function step(k, t, y, v, p, m)")
     values = np.zeros(0) if parameters is None else np.ascontiguousarray(parameters, np.float64)
     if values.ndim != 1:
-        raise ValueError(f"controller.parameters have shape {values.shape}; one row is allowed")
+        raise ValueError(
+            f"controller.parameters has shape {values.shape}; it must be one row of numbers"
+        )
     try:
         text = inspect.getsource(source)
     except OSError:  # a function without a file

@@ -138,7 +138,7 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
             f"{str(name_or_path)!r} is neither a file nor a shipped device; {hint}"
         ) from None
     except IsADirectoryError:
-        raise DeviceError(f"{str(path)!r} is a folder; name a device file in it") from None
+        raise DeviceError(f"{str(path)!r} is a folder; give a device file in it") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DeviceError(f"{str(path)!r} cannot be read as text: {error}") from None
     return _sized(device_from_text(text, str(name_or_path)), str(name_or_path))
@@ -154,8 +154,8 @@ def _sized(device: Device, where: str) -> Device:
         for value in np.atleast_1d(getattr(device.chain, field)).tolist():
             if not least <= abs(value) <= most:
                 raise DeviceError(
-                    f"{where}: chain.{field} contains {value:g}; allowed is {least:g} to {most:g}"
-                    f" [{unit}], so check its unit and exponent"
+                    f"{where}: chain.{field} contains {value:g}; the allowed range is {least:g} to"
+                    f" {most:g} [{unit}], so check the unit and the exponent"
                 )
     for key, value, (least, most), unit in (
         ("period_s", device.interface.period, PERIODS, " [s]"),
@@ -163,7 +163,8 @@ def _sized(device: Device, where: str) -> Device:
     ):
         if not least <= value <= most:
             raise DeviceError(
-                f"{where}: interface.{key} is {value:g}; allowed is {least:g} to {most:g}{unit}"
+                f"{where}: interface.{key} is {value:g}; it must be from {least:g} to"
+                f" {most:g}{unit}"
             )
     return device
 
@@ -348,7 +349,7 @@ def _device(top: Table) -> Device:
     if "schema" in top and top.number("schema") != SCHEMA:
         raise TableError(f"schema is {top.number('schema'):g}; this version reads {SCHEMA}")
     if ("modal" in top) == ("chain" in top):
-        given = "both [modal] and [chain] stand" if "modal" in top else "no mechanism stands"
+        given = "both [modal] and [chain] are" if "modal" in top else "there is no mechanism"
         raise TableError(f"{given} in the file; give either [modal] or [chain]")
     rotary = top.boolean("rotary")
     modal = _modal(top.table("modal"), rotary) if "modal" in top else None

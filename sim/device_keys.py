@@ -61,7 +61,7 @@ DEVICE_KEYS: tuple[Key, ...] = (
     _interface("position_origin", "position_origin",
                "reading at which the spring to ground is relaxed", *_LENGTH),
     _interface("command_hold", "command_hold",
-               'a recorded command between samples: held, or "smooth" where it is band-limited'),
+               'a recorded command between samples: held, or "smooth" if it is band-limited'),
     _interface("velocity_order", "velocity_order", "order of that low-pass, 1 or 2 (Butterworth)"),
     _interface("velocity_ticks", "velocity_ticks",
                "samples from one estimate of the speed to the next, each over as many"),

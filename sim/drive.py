@@ -105,27 +105,27 @@ class Drive:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"drive.kind is {self.kind!r}; allowed is {', '.join(KINDS)}")
+            raise ValueError(f"drive.kind is {self.kind!r}; it must be one of {', '.join(KINDS)}")
         for name in NEEDED[self.kind]:
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"drive.{name} is {value:g}; allowed is a finite number above 0")
+                raise ValueError(f"drive.{name} is {value:g}; it must be a finite number above 0")
         for name in (
             "gear", "supply_v", "bandwidth_hz", "limit_a", "limit", "integral_limit_v", "goal_rate",
         ):  # fmt: skip
             if not (value := getattr(self, name)) > 0.0:
-                raise ValueError(f"drive.{name} is {value:g}; allowed is a number above 0")
+                raise ValueError(f"drive.{name} is {value:g}; it must be a number above 0")
         for name in ("inductance_h", "derivative", "damping", "integral"):
             if not 0.0 <= (value := getattr(self, name)) < math.inf:
-                raise ValueError(f"drive.{name} is {value:g}; allowed is >= 0 and finite")
+                raise ValueError(f"drive.{name} is {value:g}; it must be >= 0 and finite")
         if self.back_emf < 0.0 or math.isinf(self.back_emf):
-            raise ValueError(f"drive.back_emf is {self.back_emf:g}; allowed is >= 0 and finite")
+            raise ValueError(f"drive.back_emf is {self.back_emf:g}; it must be >= 0 and finite")
         if self.when_off not in WAYS:
             raise ValueError(f"drive.when_off is {self.when_off!r}; {nearest(self.when_off, WAYS)}")
         if self.kind == "current" and math.isfinite(self.supply_v) != (self.resistance_ohm > 0.0):
             raise ValueError(
-                "drive.supply_v and drive.resistance_ohm together say how the limit of a current"
-                " falls with speed; give both, or neither"
+                "drive.supply_v and drive.resistance_ohm together determine how the limit of a"
+                " current falls with speed; give both, or neither"
             )
 
     @property

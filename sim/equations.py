@@ -149,7 +149,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
     if substeps < 1:
         raise ValueError(f"substeps is {substeps}; at least 1 substep per tick is needed")
     if not 0 <= seed < 2**64:
-        raise ValueError(f"seed is {seed}; allowed is 0 to 2^64 - 1")
+        raise ValueError(f"seed is {seed}; it must be from 0 to 2^64 - 1")
     plant = device.plant()
     interface = device.interface
     whole, _ = interface.delay_ticks

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
+from zwidth.shown import Valued
 from zwidth.sim.estimators import ESTIMATORS, MOST_WINDOW, Estimator, Settings
 from zwidth.sim.nearest import nearest
 
@@ -12,7 +13,7 @@ MOST_RATIO = 1000  # of the rates of two loops
 
 
 @dataclass(frozen=True)
-class Interface:
+class Interface(Valued):
     """The sampled side of a device.
 
     period T [s]; delay [s], any real >= 0, from the encoder reading to the moment the command takes
@@ -70,15 +71,15 @@ class Interface:
             ("encoder_step", ">= 0 and finite", 0.0 <= self.encoder_step < math.inf),
             ("command_step", ">= 0 and finite", 0.0 <= self.command_step < math.inf),
             ("velocity_step", ">= 0 and finite", 0.0 <= self.velocity_step < math.inf),
-            ("command_limit", "> 0, inf for none", self.command_limit > 0.0),
-            ("velocity_cutoff_hz", "> 0, inf for none", self.velocity_cutoff_hz > 0.0),
+            ("command_limit", "> 0, or inf for none", self.command_limit > 0.0),
+            ("velocity_cutoff_hz", "> 0, or inf for none", self.velocity_cutoff_hz > 0.0),
             (
                 "encoder_rounding",
                 "'nearest' or 'floor'",
                 self.encoder_rounding in ("nearest", "floor"),
             ),
             ("command_gain", "> 0 and finite", 0.0 < self.command_gain < math.inf),
-            ("position_origin", "any finite number", math.isfinite(self.position_origin)),
+            ("position_origin", "a finite number", math.isfinite(self.position_origin)),
             (
                 "command_hold",
                 "'zero_order' or 'smooth'",
@@ -86,7 +87,7 @@ class Interface:
             ),
             ("force_gain", ">= 0 and finite", 0.0 <= self.force_gain < math.inf),
             ("force_gain", "0 without force_sensor", self.force_sensor or self.force_gain == 0.0),
-            ("force_sensor", "a link, as link12, or nothing", self.force_sensor in ("", *LINKS)),
+            ("force_sensor", "a link, such as link12, or empty", self.force_sensor in ("", *LINKS)),
             ("velocity_order", "1 or 2", self.velocity_order in (1, 2)),
             *(
                 (
@@ -99,7 +100,7 @@ class Interface:
         ):
             if not holds:
                 value = getattr(self, field)
-                raise ValueError(f"interface.{field} is {value}; allowed is {allowed}")
+                raise ValueError(f"interface.{field} is {value}; it must be {allowed}")
         self._check_estimator()
 
     def _check_estimator(self) -> None:
@@ -125,7 +126,7 @@ class Interface:
             if not holds:
                 raise ValueError(
                     f"interface.{field} is {value}; with velocity_estimator"
-                    f" {self.velocity_estimator!r} allowed is {allowed}"
+                    f" {self.velocity_estimator!r} it must be {allowed}"
                 )
 
     @property

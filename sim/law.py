@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from zwidth.shown import Valued
 from zwidth.sim.nearest import nearest
 from zwidth.sim.wall_law import GUARDED, PLAIN, REGION, TEXTURE
 
@@ -12,7 +13,7 @@ CODES: dict[Kind, int] = {"wall": PLAIN, "texture": TEXTURE, "region": REGION, "
 
 
 @dataclass(frozen=True)
-class Law:
+class Law(Valued):
     """A law of walls (`sim/wall_law.py`); fields that its kind does not use are 0.
 
     kind: wall (spring and damper), texture, region or guarded. wavelength [rad | m] and share of a
@@ -34,9 +35,9 @@ class Law:
         for name in ("wavelength", "width", "most_damping"):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
-                raise ValueError(f"law.{name} is {value}; allowed is 0 or more, and finite")
+                raise ValueError(f"law.{name} is {value}; it must be 0 or more, and finite")
         if not 0.0 <= self.share <= 1.0:
-            raise ValueError(f"law.share is {self.share}; allowed is 0 to 1")
+            raise ValueError(f"law.share is {self.share}; it must be from 0 to 1")
         if self.kind == "texture" and self.wavelength == 0.0:
             raise ValueError("law.wavelength is 0; a texture needs one above 0 [rad | m]")
 

@@ -92,13 +92,13 @@ def open_loop(device: Device) -> Loop:
     whole, remainder = device.interface.delay_ticks
     if whole > MOST_TICKS:
         raise ValueError(
-            f"interface.delay is {whole:.6g} periods; the linear theory takes up to {MOST_TICKS}:"
+            f"interface.delay is {whole:.6g} periods; linear theory takes at most {MOST_TICKS}:"
             " shorten delay_s or lengthen period_s"
         )
     if device.interface.multirate:
         raise ValueError(
-            "velocity_ticks or position_ticks is more than 1, and this theory takes one rate: use"
-            " `stability.periodic`, or set both to 1"
+            "velocity_ticks or position_ticks is more than 1, but this theory takes only one rate:"
+            " use `stability.periodic`, or set both to 1"
         )
     late, newer = hold(plant, period - remainder)
     transition, older = late, None

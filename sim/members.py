@@ -136,7 +136,8 @@ class Members:
         for name in changes:
             if name not in VARIES:
                 raise ValueError(
-                    f"members cannot differ in interface.{name}; they can in {', '.join(VARIES)}"
+                    f"members cannot differ in interface.{name}; they can differ only in"
+                    f" {', '.join(VARIES)}"
                 )
         wide = {n: np.broadcast_to(np.float64(v), self.size) for n, v in changes.items()}
         return replace(self, interface={**self.interface, **wide})

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from zwidth.shown import Valued, fields_html
 from zwidth.sim.chain import MAX_MASSES, Chain, Floats, make_chain, matrices, negative_dampers
 from zwidth.sim.ladder import Complexes, dynamic_stiffness, scaled
 from zwidth.sim.synthesis import chains, polish
@@ -23,9 +24,11 @@ class Mode(NamedTuple):
     v: float
     d: float
 
+    _repr_html_ = fields_html
+
 
 @dataclass(frozen=True)
-class ModalModel:
+class ModalModel(Valued):
     """G(s) = 1/(m s^2 + b s) x product of modes: position of m1 over force at m1.
 
     inertia m [kg m2 | kg], damping b [N m s/rad | N s/m], modes (0 to 3 of them; kept in rising
@@ -44,7 +47,7 @@ class ModalModel:
         object.__setattr__(self, "damping", float(self.damping))
         object.__setattr__(self, "modes", tuple(sorted(modes)))
         if len(modes) >= MAX_MASSES:
-            raise ValueError(f"modal has {len(modes)} modes; allowed are 0 to {MAX_MASSES - 1}")
+            raise ValueError(f"modal has {len(modes)} modes; it must have at most {MAX_MASSES - 1}")
         if not 0.0 < self.inertia < math.inf:
             raise ValueError(f"modal.inertia is {self.inertia:g}; it must be > 0 and finite")
         if not math.isfinite(self.damping):

@@ -10,7 +10,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     words = list(known)
     near = get_close_matches(word, words, max(1, len(words)), 0.5)
     if not near:
-        return f"known are {', '.join(words)}"
+        return f"choose from {', '.join(words)}"
     best = min(near, key=lambda other: (-_alike(word, other), *_apart(word, other)))
     return f"did you mean {best!r}?"
 

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.growth import Growth
 
 Floats = NDArray[np.float64]
@@ -34,7 +35,7 @@ SLOW_M, SLOW_HZ, BEST_HZ = 8e-6, 40.0, 250.0
 
 
 @dataclass(frozen=True)
-class Perception:
+class Perception(Valued):
     """Thresholds from which a lasting oscillation is felt; reaching one of the two is enough.
 
     force [N m | N]: half the range of the command. position [rad | m]: half the range of m1, None
@@ -53,10 +54,10 @@ class Perception:
             raise ValueError(f"perceptible force is {self.force}; it must be finite and >= 0")
         if self.position is not None and not 0.0 < self.position < math.inf:
             raise ValueError(
-                f"perceptible position is {self.position}; allowed is more than 0, and finite"
+                f"perceptible position is {self.position}; it must be above 0 and finite"
             )
         if self.lever is not None and not 0.0 < self.lever < math.inf:
-            raise ValueError(f"lever is {self.lever}; allowed is more than 0, and finite")
+            raise ValueError(f"lever is {self.lever}; it must be above 0 and finite")
 
     def feels(self, growth: Growth, rotary: bool) -> Flags:
         """Whether each run's oscillation at the end is felt, shape (runs,)."""

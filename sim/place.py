@@ -8,13 +8,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
+
 Kind = Literal["mass", "link", "ground", "command", "clock", "sensor", "velocity"]
 GROUND = -1  # index of what does not move
 MOST_MASSES = 5  # of a chain (`sim/chain.py`)
 
 
 @dataclass(frozen=True)
-class Place:
+class Place(Valued):
     """A place; `str` writes it as files do, `place_at` reads it.
 
     index: of the mass, or of the link's first mass, from 0. ground: between m1 and what stands
@@ -78,8 +80,8 @@ def place_at(text: str) -> Place:
     if link and int(link[2]) == int(link[1]) + 1:
         return Place("link", int(link[1]) - 1)
     raise ValueError(
-        f"at is {text!r}; allowed is a mass (m1), a link (link12), ground, command, clock,"
-        " sensor or velocity"
+        f"at is {text!r}; it must be a mass (m1), a link (link12), ground, command, clock, sensor"
+        " or velocity"
     )
 
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zwidth.shown import Valued
+
 ROUNDED = 1e-5  # an eigenvalue of a correlation that was written with six digits may be below zero
 
 
 @dataclass(frozen=True)
-class Posterior:
+class Posterior(Valued):
     """The joint posterior of numbers of a device, about the values that the device has.
 
     names (p,): of the numbers (`sim.named`); sd (p,): standard deviations, in the unit of each;
@@ -34,12 +36,12 @@ class Posterior:
         ):
             raise ValueError(
                 f"posterior has {p} names, {len(self.sd)} sd and {len(self.correlation)} rows of"
-                " correlation; give as many of each, and as many numbers per row"
+                " correlation; give equally many of each, and as many numbers in each row"
             )
         for name, value in zip(self.names, self.sd, strict=True):
             if not 0.0 < value < math.inf:
                 raise ValueError(
-                    f"posterior.sd of {name} is {value}; allowed is any number above 0"
+                    f"posterior.sd of {name} is {value}; it must be a finite number above 0"
                 )
         told = np.array(self.correlation)
         if (
@@ -47,7 +49,6 @@ class Posterior:
             or np.any(told != told.T) or float(np.linalg.eigvalsh(told)[0]) < -ROUNDED * p
         ):  # fmt: skip
             raise ValueError(
-                "posterior.correlation is not a correlation matrix; allowed is a symmetric"
-                " matrix with ones"
+                "posterior.correlation is not a correlation matrix; it must be symmetric, with ones"
                 " on its diagonal and no negative eigenvalue"
             )

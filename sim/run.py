@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, equations, ledger_names
@@ -45,7 +45,7 @@ OUTCOMES = {DONE: Outcome.COMPLETED, ESCAPED: Outcome.ESCAPED, NOT_FINITE: Outco
 
 
 @dataclass(frozen=True)
-class Start:
+class Start(Valued):
     """Initial positions and velocities of the masses; a single number is used for every mass.
 
     The encoder's earlier reading is computed as if the mass had arrived at this velocity.
@@ -236,7 +236,7 @@ def prepare(
     eq = equations(device, substeps, ledger, seed)
     ticks = duration_ticks(duration, eq.period)
     if not bound > 0.0:
-        raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
+        raise ValueError(f"bound is {bound}; the position at which a run is stopped must be > 0")
     external = _external(disturbance, ticks, eq.dof - eq.followers.shape[0], eq.dof)
     names = ledger_names(device, device.plant()) if ledger else []
     from_rest = Start((np.asarray(start.position) - eq.position_origin).tolist(), start.velocity)
@@ -299,7 +299,7 @@ def _external(disturbance: Floats | None, ticks: int, dof: int, places: int) -> 
     if values.shape not in ((ticks, dof), (ticks, dof + 1)):
         raise ValueError(
             f"disturbance has shape {values.shape}; the run needs ({ticks},) or ({ticks}, {dof}),"
-            f" or ({ticks}, {dof + 1}) where the base moves"
+            f" or ({ticks}, {dof + 1}) if the base moves"
         )
     if not np.all(np.isfinite(values)):
         raise ValueError("disturbance contains a value that is not finite")

@@ -59,7 +59,9 @@ class Table:
         rows = self._typed(key, None, list, allowed)
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(cast("list[object]", row)) != width:
-                raise TableError(f"{self._at(key)}[{i}] is {brief(row)}; allowed is {allowed}")
+                raise TableError(
+                    f"{self._at(key)}[{i}] is {brief(row)}; it must be a list of {width} numbers"
+                )
         return [
             [_number(v, f"{self._at(key)}[{i}][{j}]") for j, v in enumerate(row)]
             for i, row in enumerate(rows)
@@ -67,15 +69,17 @@ class Table:
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a string."""
-        return self._typed(key, default, str, "a text in quotes")
+        return self._typed(key, default, str, "a string in quotes")
 
     def texts(self, key: str) -> list[str]:
         """Return a list of strings."""
-        allowed = "a list of texts in quotes"
+        allowed = "a list of strings in quotes"
         values = self._typed(key, None, list, allowed)
         for i, value in enumerate(values):
             if not isinstance(value, str):
-                raise TableError(f"{self._at(key)}[{i}] is {brief(value)}; allowed is {allowed}")
+                raise TableError(
+                    f"{self._at(key)}[{i}] is {brief(value)}; it must be a string in quotes"
+                )
         return cast("list[str]", values)
 
     def boolean(self, key: str, default: bool | None = None) -> bool:
@@ -92,7 +96,7 @@ class Table:
         entries = self._typed(key, [], list, allowed)
         for entry in entries:
             if not isinstance(entry, dict):
-                raise TableError(f"{self._at(key)} contains {brief(entry)}; allowed is {allowed}")
+                raise TableError(f"{self._at(key)} contains {brief(entry)}; it must be {allowed}")
         return [
             Table(cast("dict[str, object]", entry), f"{self._at(key)}[{i}]")
             for i, entry in enumerate(entries)
@@ -110,14 +114,14 @@ class Table:
     def _typed(self, key: str, default: T | None, kind: type[T], allowed: str) -> T:
         value = self._get(key, default)
         if not isinstance(value, kind):
-            raise TableError(f"{self._at(key)} is {brief(value)}; allowed is {allowed}")
+            raise TableError(f"{self._at(key)} is {brief(value)}; it must be {allowed}")
         return value
 
 
 def _number(value: object, at: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TableError(f"{at} is {brief(value)}; allowed is a number")
+        raise TableError(f"{at} is {brief(value)}; it must be a number")
     try:
         return float(value)
     except OverflowError:
-        raise TableError(f"{at} is too large; allowed is a number up to 1.8e308, or inf") from None
+        raise TableError(f"{at} is too large; it must be a number up to 1.8e308, or inf") from None

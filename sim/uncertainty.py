@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, fields
 
+from zwidth.shown import Valued
+
 # Three of them are as far as a fit goes: at 2 already a factor of 400, no knowledge at all.
 MOST = 2.0
 MOST_OF_A_DAMPER = 100.0
@@ -10,7 +12,7 @@ LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to c
 
 
 @dataclass(frozen=True)
-class Uncertainty:
+class Uncertainty(Valued):
     """Standard deviations (one sigma) of the values in a device file; all but `zeros` are relative.
 
     command_scale: of the scale of the command, 0 if it is known exactly; motion alone cannot
@@ -40,8 +42,8 @@ class Uncertainty:
             if not least <= value <= most:  # nor is what is not a number
                 what = "in m or rad" if field == "zeros" else "as a share of the value"
                 raise ValueError(
-                    f"uncertainty.{field} is {value}; allowed is {least:g} to {most:g}, the"
-                    f" standard deviation {what}"
+                    f"uncertainty.{field} is {value}; it is a standard deviation, {what}, and must"
+                    f" be from {least:g} to {most:g}"
                 )
 
 

@@ -1,13 +1,13 @@
-"""Refine a map where the fate changes, and only there.
+"""Refine a map of fates only where the fate changes.
 
 A lattice of (coarse - 1) 2^levels + 1 points per side. First every 2^levels-th point is run. Then,
-level by level, each cell with two fates among the points that were run in it or on its sides is
-divided in four. This adds points on the sides of neighbours; if these find a second fate there,
-they are divided too, until no cell of the level has two. The remaining cells have one fate as far
-as it was seen, and their points take it from the corners.
+level by level, each cell that has two fates among the points run in it or on its sides is divided
+in four. This adds points on the sides of neighbouring cells; a neighbour in which such a point has
+a second fate is divided too, until no cell of the level has two fates. In each remaining cell all
+the points that were run have one fate, and its other points take this fate from the corners.
 
-The order of the points depends on the fates alone, never on time or threads, so a map taken up
-again goes the same way and ends bit for bit the same.
+The order of the points depends only on the fates, never on time or threads, so a resumed map runs
+the same points and ends bit for bit the same.
 """
 
 from collections.abc import Iterator
@@ -25,12 +25,12 @@ def side(coarse: int, levels: int) -> int:
     if coarse < 3:
         raise ValueError(f"coarse is {coarse}; a map needs at least 3 points per side to refine")
     if not 0 <= levels <= 8:
-        raise ValueError(f"levels is {levels}; allowed is 0 to 8")
+        raise ValueError(f"levels is {levels}; it must be from 0 to 8")
     points = (coarse - 1) * 2**levels + 1
     if points > MOST_POINTS:
         raise ValueError(
-            f"coarse {coarse} and levels {levels} make {points} points per side;"
-            f" at most {MOST_POINTS} are possible, lower either"
+            f"coarse {coarse} and levels {levels} make {points} points per side; at most"
+            f" {MOST_POINTS} are possible: lower one of them"
         )
     return points
 
@@ -51,7 +51,7 @@ def rounds(fate: Fate, levels: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
 
 
 def _wanted(fate: Fate, stride: int) -> NDArray[np.int64]:
-    """Points not yet run of the cells of this stride that must be cut, flat."""
+    """Flat indices of the points still to run in the cells of this stride that must be divided."""
     half = stride // 2
     points = np.zeros(fate.shape, dtype=bool)
     for i, j in zip(*np.nonzero(_mixed(fate, stride)), strict=True):
@@ -61,7 +61,7 @@ def _wanted(fate: Fate, stride: int) -> NDArray[np.int64]:
 
 
 def _mixed(fate: Fate, stride: int) -> Flags:
-    """Cells of this stride, corners run, with two fates among their nine points of half stride."""
+    """Cells of this stride, corners run, with two fates among their 3 x 3 points."""
     half = stride // 2
     seen = fate[::half, ::half]
     count = (fate.shape[0] - 1) // stride

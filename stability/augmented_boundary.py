@@ -1,8 +1,8 @@
-"""What the physics found does to the stiffest wall: Z-width of the device before and after.
+"""The stability boundary of a device before and after a diagnosis added physics to it.
 
-The nominal device by linear theory and in the time domain, the augmented one in the time domain
-only, since friction, play and steps are no matter of eigenvalues. With them the boundary depends on
-how far the loop is displaced at the start; it is said.
+The nominal device is computed by linear theory and in the time domain, the augmented one in the
+time domain only, since eigenvalues cannot describe friction, play and steps. With these the
+boundary depends on the displacement at the start of a run, so the result contains it.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,18 +19,18 @@ from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 Floats = NDArray[np.float64]
-POINTS, FURTHEST = 8, 0.95  # dampings, up to this share of the last B with a stable K
+POINTS, FURTHEST = 8, 0.95  # number of dampings; the largest, over the last B with a stable K
 DENSE = 61  # points of the linear curve
 ROTARY_START, LINEAR_START = 1e-3, 1e-4  # [rad], [m]
 SECONDS, LIMIT_S = 3.0, 6.0
 SUBSTEPS = 4
 TOLERANCE, RATIO = 0.02, 2.0
-SAME = 0.03  # relative difference of K_CR that is no more than the brackets' widths
+SAME = 0.03  # relative difference of K_CR up to which it counts as unchanged: the brackets' widths
 
 
 @dataclass(frozen=True)
 class AugmentedBoundary:
-    """K_CR over B of two devices.
+    """K_CR over B of the nominal and of the augmented device.
 
     curve: (B, K) of the nominal device by linear theory, densely; nominal, augmented: time-domain
     brackets at the same dampings. start: the displacement that each run begins with.
@@ -45,7 +45,7 @@ class AugmentedBoundary:
     sentence: str
 
     def as_json(self) -> dict[str, object]:
-        """Return the numbers: a bracket [stable, unstable] of K each, None where there is none."""
+        """Return start, sentence and, at each damping, [stable, unstable] K of both devices."""
         return {
             "start": self.start,
             "points": [
@@ -69,11 +69,12 @@ def augmented_boundary(
     start: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> AugmentedBoundary | None:
-    """Return the boundaries of a device as its file says and as a diagnosis augmented it.
+    """Return the boundaries of a device as in its file and as a diagnosis augmented it.
 
-    found: what was found, in the words of the sentence. dampings: by default eight, from zero to
-    95 % of the last at which the nominal device has a stable wall, and the one of the stiffest
-    wall. start [rad | m]: 1e-3 rad or 1e-4 m. None where the nominal device has no stable wall.
+    found: the added physics in words, for the sentence. dampings: by default eight, from zero to 95
+    % of the last B at which the nominal device has a stable wall, and the B of its stiffest wall.
+    start: displacement at the start of each run, by default 1e-3 rad or 1e-4 m. Returns None if
+    dampings is None and the nominal device has no stable wall.
     """
     linear = nominal.bare().with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
     last, tip = last_stable_damping(linear) or 0.0, corner(linear)
@@ -84,7 +85,7 @@ def augmented_boundary(
     grid = usual if dampings is None else np.array(dampings, dtype=np.float64)
     begin = start or (ROTARY_START if nominal.rotary else LINEAR_START)
     period = nominal.interface.period
-    window = max(0.25, 16.0 * period)  # six windows are the least a run has
+    window = max(0.25, 16.0 * period)  # a run has at least six windows
     seconds = max(SECONDS, 8.0 * window)
     substeps = max(usual_substeps(one, SUBSTEPS) for one in (nominal, augmented))
     trial = Trial(begin, seconds, max(LIMIT_S, seconds), window, substeps=substeps)
@@ -103,7 +104,7 @@ def augmented_boundary(
 def _sentence(
     found: str, before: Sequence[Bracket], after: Sequence[Bracket], start: float, rotary: bool
 ) -> str:
-    """Say what becomes of K_CR at the first damping, and of the stiffest wall."""
+    """A sentence on the change of K_CR at the first damping and of the stiffest wall."""
     unit, length = ("N m/rad", "rad") if rotary else ("N/m", "m")
     first = f"K_CR at B = {before[0].damping:g}"
     at_first = _change(first, critical(before[0]), critical(after[0]), unit)
@@ -121,10 +122,12 @@ def critical(bracket: Bracket) -> float | None:
 
 def _change(what: str, before: float | None, after: float | None, unit: str) -> str:
     if before and not after:
-        return f"{what}, {plain(before, 3)} {unit} before, is gone: every K tried goes unstable"
+        return f"{what} ({plain(before, 3)} {unit} before) is gone: every K tried is unstable"
     if not before or not after:
         return (
-            f"{what} is {plain(after, 3)} {unit}, none before" if after else f"{what} is still none"
+            f"{what} is {plain(after, 3)} {unit} (no stable K before)"
+            if after
+            else f"{what} does not exist, as before: no K tried is stable"
         )
     if abs(after / before - 1.0) < SAME or before == after:
         return f"{what} stays at {plain(before, 3)} {unit}"

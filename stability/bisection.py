@@ -1,25 +1,25 @@
-"""The stability boundary in the time domain: bisection of K for every B, many B at once.
+"""The stability boundary in the time domain: for each B, K is bisected; many B run at once.
 
 K rises from near zero in steps of a constant ratio; the first K that is not stable closes the
 bracket. Then the zero of the growth rate is interpolated, or, if that does not help, the geometric
-mean of the ends is tried, until the bracket is narrow enough. A group of dampings is tried in the
-same round, so a round is one batch. A run is prolonged, twice as long each time, until its verdict
-is clear or the limit is reached; a K that stays undecided is left between the ends of its bracket.
-A wall is stable unless it grows, as in `sim/fate.py`; linear theory is used only to bound the
-dither of a quantiser.
+mean of the ends is tried, until the bracket is narrow enough. All dampings of a group are tried in
+the same round, as one batch. A run is prolonged, twice as long each time, until its verdict is
+clear or the limit is reached; a K that stays undecided is left between the ends of its bracket. A
+wall is stable unless its oscillation grows, as in `sim/fate.py`; linear theory is used only to
+bound the dither of a quantiser.
 
-A wall is stable if all starts of the trial say so. With a nonlinear device a wall may grow from a
-start although a stiffer one does not: play makes bands of K in which a run finds its oscillation.
-So the K at `BELOW` of each closed bracket are tried, too, and if one grows the boundary is sought
+A wall is stable only if it is stable from all starts of the trial. On a nonlinear device a wall may
+grow although a stiffer one does not: with play, oscillations exist in bands of K. So the fractions
+`BELOW` of each closed bracket's K are tried too, and if one of them grows, the boundary is sought
 below it.
 
-The boundary of a linear device moves little from one damping to the next. There only every
+The boundary of a linear device changes little from one damping to the next. So only every
 `LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
-brackets of the two beside them, and where that is not stable, near zero after all.
+lower of the two nearest brackets, and start again near zero if that K is not stable.
 
-Limit: a band of instability narrower than the scan's ratio can be stepped over (of a device that is
-not linear: narrower than the distances of `BELOW`), and of a linear device also one that lies below
-the boundary and ends between two dampings that lead.
+Limit: a band of instability narrower than the scan's ratio can be stepped over (on a nonlinear
+device: one narrower than the gaps between the fractions `BELOW`). On a linear device a band can
+also be missed if it lies below the boundary and ends between two leading dampings.
 """
 
 import math
@@ -49,21 +49,21 @@ from zwidth.stability.judging import (
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-GROUP = 128  # dampings that are hunted down together, a multiple of what runs side by side
+GROUP = 128  # dampings bisected together, a multiple of the runs computed side by side
 LEADING = 4
-SETTLED = ("friction", "structure")  # hooks of physics that brings no energy and no bands
-BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65, 0.5])  # of a closed bracket's K, tried once more
-LOOKS = 3  # times at most
+SETTLED = ("friction", "structure")  # hooks of physics without energy or bands of its own
+BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65, 0.5])  # of a closed bracket's K, tried too
+LOOKS = 3  # how many times at most
 
 
 @dataclass(frozen=True)
-class Search:
+class Search(Valued):
     """How far and how finely K is searched.
 
-    tolerance: width of a bracket over its K. lowest, highest K [N m/rad | N/m], None: 1e-6 and 1
-    times 4 m / T^2, above which no sampled wall is stable with the whole mass m. ratio of the scan.
-    felt: the boundary is where a wall's oscillation begins to be felt (`sim/perception.py`), not
-    where it begins to grow.
+    tolerance: width of a bracket over its K. lowest, highest: K [N m/rad | N/m]; None stands for
+    1e-6 and 1 times 4 m / T^2, above which no sampled wall is stable with the whole mass m. ratio:
+    of one K of the scan to the one before. felt: the boundary is where a wall's oscillation begins
+    to be felt (`sim/perception.py`), not where it begins to grow.
     """
 
     tolerance: float = 5e-4
@@ -74,17 +74,19 @@ class Search:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
-            raise ValueError(f"tolerance is {self.tolerance}; allowed is more than 0, less than 1")
+            raise ValueError(f"tolerance is {self.tolerance}; it must be above 0 and below 1")
         if not self.ratio > 1.0:
             raise ValueError(f"ratio is {self.ratio}; the scan goes up, so it must be > 1")
 
     def limits(self, device: Device) -> tuple[float, float]:
-        """Return (lowest, highest) K for a device; raises ValueError where they are reversed."""
+        """Return (lowest, highest) K for a device; raises ValueError if they are reversed."""
         scale = 4.0 * float(device.chain.masses.sum()) / device.interface.period**2
         lowest = 1e-6 * scale if self.lowest is None else self.lowest
         highest = scale if self.highest is None else self.highest
         if not 0.0 < lowest < highest < math.inf:
-            raise ValueError(f"K goes from {lowest:g} to {highest:g}; it must rise from above 0")
+            raise ValueError(
+                f"K goes from {lowest:g} to {highest:g}; it must start above 0 and rise"
+            )
         return lowest, highest
 
 
@@ -92,12 +94,12 @@ class Search:
 class Bracket(Valued):
     """The boundary at one damping: stable below, unstable above.
 
-    stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,
-    unstable is None where the highest is still stable. Each end keeps its verdict and amplitude:
-    dither caused by quantisation counts as decay, growth that the amplifier's limit stops counts as
-    a limit cycle. frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K
-    between the ends that stayed undecided up to the time limit, if any. grows_from: the starts from
-    which the unstable end grows [rad | m], where it does not from all that were tried; else empty.
+    stable, unstable: K [N m/rad | N/m]; stable is None if the lowest K tried is already unstable,
+    unstable is None if the highest is still stable. Each end has a verdict: dither caused by
+    quantisation counts as decay, growth that the amplifier's limit stops counts as a limit cycle.
+    amplitude and frequency [Hz] are of the run at the unstable end. undecided: (lowest, highest) K
+    between the ends that stayed undecided up to the time limit, if any. grows_from: the starts
+    [rad | m] from which the unstable end grows; empty if it grows from all that were tried.
     """
 
     damping: float
@@ -112,7 +114,7 @@ class Bracket(Valued):
 
     @property
     def reason(self) -> str:
-        """Why there is no stable K, in words; empty where there is one."""
+        """Why there is no stable K, in words; empty if there is one."""
         if self.stable is not None:
             return ""
         if self.undecided is not None:
@@ -127,7 +129,7 @@ class Bracket(Valued):
 
 
 class _Hunt:
-    """The brackets of one device while they close; NaN stands for not known yet."""
+    """The brackets of one device while they close; NaN: not known yet."""
 
     def __init__(
         self, device: Device, one: Member, dampings: Floats, trial: Trial, search: Search
@@ -143,12 +145,12 @@ class _Hunt:
         self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
         self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
         self.amplitude, self.seconds = np.full((2, shape), np.nan)  # of the unstable end's run
-        self.grows = np.zeros((self.starts.size, shape), dtype=bool)  # from which, at the end
+        self.grows = np.zeros((self.starts.size, shape), dtype=bool)  # starts of the unstable end
         self.good: list[list[float]] = [[] for _ in range(shape)]  # every K that was stable
         self.looks = np.full(shape, LOOKS if self.nonlinear else 0)
-        self.first = np.full(shape, self.lowest)  # K to begin with
+        self.first = np.full(shape, self.lowest)  # K at which the scan begins
         self.order = np.argsort(dampings, kind="stable")
-        self.waiting = np.zeros(shape, dtype=bool)  # for the dampings that lead
+        self.waiting = np.zeros(shape, dtype=bool)  # until the leading dampings are done
         if not self.nonlinear and shape > 2:
             self.waiting[self.order] = True
             self.waiting[self.order[[*range(0, shape, LEADING), -1]]] = False
@@ -168,10 +170,11 @@ class _Hunt:
                 return self.brackets(self.frequencies(trial, workers))
 
     def judged(self, runs: Indices, tried: Floats, workers: int) -> tuple[Growth, Flags, Floats]:
-        """Judge one K per damping from all starts: the worst verdict, and the starts that grow.
+        """Judge one K per damping: return the worst verdict, the starts that grow and the duration.
 
-        runs, tried (n,). Stable walls count as decay, growth that settles as a cycle. The flags are
-        (starts, n). Last, how long the run of the first start that grows took [s], (n,).
+        runs, tried (n,). Stable walls count as decay, growth that settles as a cycle. The starts
+        that grow are flags (starts, n). The duration [s], (n,), is that of the run from the first
+        start that grows.
         """
         count = self.starts.size
         each, k = np.tile(runs, count), np.tile(tried, count)
@@ -186,10 +189,11 @@ class _Hunt:
         )
         fate = fates_of(growth, conditions, self.trial.limit_s, self.trial.perception)
         grows = (fate == Fate.GROWS) | (self.search.felt & (fate == Fate.FELT))
-        doubt = (fate == Fate.UNDECIDED) & (growth.verdict != DECAYS)  # what falls is stable
+        doubt = (fate == Fate.UNDECIDED) & (growth.verdict != DECAYS)  # falling is stable
         verdict = np.where(grows & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
         verdict = np.where(grows | doubt, np.where(doubt, UNDECIDED, verdict), DECAYS)
-        # The worst start: what grows, before what is undecided, before what decays most slowly.
+        # The worst start: one that grows, else an undecided one, else the one that decays most
+        # slowly.
         rate = np.clip(np.nan_to_num(growth.rate), -1e9, 1e9)
         badness = (1e10 * (2.0 * grows + doubt) + rate).reshape(count, runs.size)
         worst = badness.argmax(axis=0) * runs.size + np.arange(runs.size)
@@ -198,7 +202,7 @@ class _Hunt:
         return growth.select(worst), grows, took.reshape(count, runs.size)[first]
 
     def look_below(self, workers: int) -> bool:
-        """Try walls below the closed brackets; return whether any grows (the boundary is lower)."""
+        """Try walls below the closed brackets; return True if any grows (the boundary is lower)."""
         some = np.flatnonzero((self.looks > 0) & ~np.isnan(self.stable))
         if some.size == 0:
             return False
@@ -226,17 +230,18 @@ class _Hunt:
         return bool(self.looks[some].any())
 
     def dither(self, runs: Indices, tried: Floats) -> Dither:
-        """The dither that steps sustain at each K; nothing if a threshold is given."""
+        """The dither sustained by quantisation at each K; zero if the trial has a threshold."""
         if self.trial.threshold is not None:
             return Dither.unknown(runs.size, 0.0)
         return dither_of(self.device, tried, self.dampings[runs])
 
     def rests(self, runs: Indices, tried: Floats, steps: Floats) -> Floats:
-        """Amplitudes that count as rest at once: dither whose command reaches no limit.
+        """Amplitudes that count as rest without waiting: dither whose command reaches no limit.
 
-        steps: how many are that, 0 where a small oscillation may grow again. In a device with play
-        or other forces between its masses, a small oscillation does not predict what follows; and
-        whether it is felt is known only when it has settled.
+        steps: the dither in encoder steps, 0 where a small oscillation may grow again. In a device
+        with play or other forces between its masses a small oscillation may still grow, and whether
+        an oscillation is felt is known only when it has settled: there only the usual threshold
+        counts.
         """
         rest = np.full(runs.size, threshold(self.device, self.trial))
         settled = all(physics.effect.hook in SETTLED for physics in self.device.physics)
@@ -247,16 +252,16 @@ class _Hunt:
         return np.maximum(rest, np.minimum(steps * face.encoder_step, within))
 
     def subjects(self, rests: Floats, starts: Floats) -> Subjects:
-        """Return runs of the device, one for each amplitude of rest and start."""
+        """Return runs of the device, one per start, with amplitudes that count as rest."""
         which = np.zeros(rests.size, dtype=np.int64)
         return Subjects([self.one], which, starts, rests, nonlinear_walls(self.device))
 
     def frequencies(self, trial: Trial, workers: int) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end.
 
-        For a linear device it is that of the growing mode, which the first seconds show. Else the
-        run is followed to its verdict: before, the oscillation that steps and friction sustain is
-        larger than the growing one, and has spectral lines of its own at any frequency.
+        On a linear device this is the frequency of the growing mode, which the first seconds show.
+        On any other, the run is followed to its verdict: until then the oscillation that steps and
+        friction sustain is larger than the growing one and has spectral lines at any frequency.
         """
         found = np.full(self.dampings.size, np.nan)
         known = np.flatnonzero(~np.isnan(self.unstable))
@@ -268,12 +273,12 @@ class _Hunt:
         starts = self.starts[self.grows[:, known].argmax(axis=0)]
         runs = self.subjects(np.zeros(known.size), starts).started(some)
         seconds = self.seconds[known] if self.nonlinear else np.full(known.size, trial.seconds)
-        followed = np.full((known.size, 2 * weights.size), np.nan)  # the last two lengths of each
+        followed = np.full((known.size, 2 * weights.size), np.nan)  # the last two lengths
         left, done = np.arange(known.size), 0.0
         while left.size:
             _, velocities, tasks, runs = runs.tasks(weights, 1, keep=True, workers=workers)
             in_parallel(tasks, workers)
-            moving = ~np.isnan(velocities[:, 0])  # has not escaped before
+            moving = ~np.isnan(velocities[:, 0])  # false if the run escaped earlier
             followed[left[moving]] = np.hstack(
                 [followed[left[moving], weights.size :], velocities[moving]]
             )
@@ -287,7 +292,7 @@ class _Hunt:
         return found
 
     def trials(self) -> Floats:
-        """Next K for every damping, NaN where the bracket is closed."""
+        """Next K for each damping; NaN: its bracket is closed, or it waits for the leading ones."""
         near = 1.0 + self.search.tolerance
         with np.errstate(invalid="ignore"):
             scan = np.where(
@@ -308,7 +313,7 @@ class _Hunt:
             return np.where(self.waiting, np.nan, tried)
 
     def follow(self) -> None:
-        """Let the others begin below the brackets of the dampings that led."""
+        """Let the other dampings begin below the brackets of the leading ones."""
         led = np.flatnonzero(~self.waiting[self.order])
         known = np.fmax(self.stable[self.order[led]] / self.search.ratio, self.lowest)
         right = np.searchsorted(led, np.arange(self.dampings.size))
@@ -319,10 +324,11 @@ class _Hunt:
         self.waiting[:] = False
 
     def _interpolated(self, middle: Floats) -> Floats:
-        """Where the growth rate is zero by interpolation, a little towards the farther end.
+        """K of zero growth rate by interpolation, moved a little towards the farther end.
 
-        The step past the zero makes the next bracket as narrow as the tolerance when interpolation
-        is right. Where it is not (three trials have not halved the bracket), the middle is taken.
+        With this step past the zero the next bracket is as narrow as the tolerance if the
+        interpolation is right. If it is not (three trials have not halved the bracket), the middle
+        is returned.
         """
         low, high = self.stable, self.unstable
         crossing = np.isfinite(self.rates).all(axis=0) & (self.rates[0] < 0.0) & (self.rates[1] > 0)
@@ -335,22 +341,22 @@ class _Hunt:
         return np.where(inside & (self.widths[0] <= 0.5 * self.widths[3]), guess, middle)
 
     def _beyond_doubt(self) -> Floats:
-        """Scan on past a K that stayed undecided."""
+        """The next K of the scan beyond the ones that stayed undecided; NaN at the highest."""
         ahead = np.minimum(self.doubt_high * self.search.ratio, self.highest)
         return np.where(self.doubt_high >= self.highest, np.nan, ahead)
 
     def learn(
         self, runs: Indices, tried: Floats, growth: Growth, grows: Flags, took: Floats
     ) -> None:
-        """Enter the verdicts of one round.
+        """Store the verdicts of one round.
 
-        grows (starts, runs): from which start each grows; took (runs,): how long that run was [s].
+        grows (starts, runs): the starts from which each run grows; took (runs,): its duration [s].
         """
         good = growth.verdict == DECAYS
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
-        # Begun above a band of instability: from near zero after all. Once only: what stays
-        # undecided from there on has no stable end.
+        # This scan began above a band of instability: start again near zero. Only once: if K stays
+        # undecided from there on, the bracket has no stable end.
         early = bad & np.isnan(self.stable[runs]) & (self.first[runs] > self.lowest)
         self.first[runs[early]] = self.lowest
         self.doubt_low[runs[early]] = self.doubt_high[runs[early]] = np.nan
@@ -371,7 +377,7 @@ class _Hunt:
         some = runs[doubt]
         self.doubt_low[some] = np.fmin(self.doubt_low[some], tried[doubt])
         self.doubt_high[some] = np.fmax(self.doubt_high[some], tried[doubt])
-        below = self.doubt_high <= self.stable  # a doubt that the stable end has passed is settled
+        below = self.doubt_high <= self.stable  # below the stable end doubts are settled
         above = self.doubt_low >= self.unstable
         self.doubt_low[below | above] = self.doubt_high[below | above] = np.nan
 

@@ -1,4 +1,4 @@
-"""A boundary over virtual damping, by linear theory and in the time domain, side by side."""
+"""A boundary over virtual damping: by linear theory and, independently, in the time domain."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 GRID = 41
 MARGIN = 1.2
-NEAR_END = 0.999  # of the last B with a stable K: where the boundary comes down
+NEAR_END = 0.999  # of the last B with a stable K, near which the boundary falls to zero
 
 
 @dataclass(frozen=True)
@@ -46,29 +46,31 @@ class Boundary(Shown):
 
     @property
     def top(self) -> BoundaryPoint | None:
-        """The point of highest stiffness in the time domain, None where no K was stable."""
+        """The point of highest stiffness in the time domain, None if no K was stable."""
         stable = [p for p in self.points if p.simulated.stable is not None]
         return max(stable, key=lambda p: p.simulated.stable or 0.0, default=None)
 
     def to_control(self) -> "StateSpace":
-        """Return the device as the wall sees it, a `control.StateSpace` of python-control.
+        """Return the device without its wall as a `control.StateSpace` of python-control.
 
-        Sampled at the interface's period, exact with hold and delay: from the input "force"
-        [N m | N] to the outputs "position" [rad | m] and "velocity" [rad/s | m/s], as the interface
-        estimates it. `control.feedback(system, [[K, B]])` is the wall of stiffness K and damping B,
-        and the linear boundary is where its largest pole reaches the unit circle.
+        The system is sampled at the interface's period, exactly, with hold and delay: from the
+        input "force" [N m | N] to the outputs "position" [rad | m] and "velocity" [rad/s | m/s],
+        the latter as the interface estimates it. `control.feedback(system, [[K, B]])` closes the
+        loop with a wall of stiffness K and damping B; on the linear boundary its largest pole is on
+        the unit circle.
 
-        Raises ImportError where python-control is missing, with what to install, and ValueError for
+        Raises ImportError, with what to install, if python-control is missing, and ValueError for
         an interface of several rates.
         """
         return sampled_system(self.device)
 
 
 def default_dampings(device: Device) -> Floats:
-    """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps, and the top's B.
+    """Return 41 values of B from 0 to 1.2 times the last B with a stable K, and the top's B.
 
-    The top is a corner for most devices: a grid that misses it shows a boundary cut off. For an
-    estimator without linear theory the grid is that of the backward difference.
+    For most devices the top is a corner, and a grid that misses it shows a truncated boundary. A
+    device whose velocity estimator has no linear theory gets the grid that it has with the backward
+    difference.
 
     Raises ValueError for a device that has no stable wall at all.
     """

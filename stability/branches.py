@@ -1,16 +1,16 @@
-"""Root loci named by where they start: which mode of the device goes unstable in the wall.
+"""Root loci with names, to tell which mode of the device goes unstable in the wall.
 
-At K = B = 0 the eigenvalues of the one-tick loop are e^{pT} for the poles p of the device, those of
-the velocity's estimator and filter, and 0 for every stored command and reading. From there each one
-is followed to (0, B) and on to (K, B), in steps short against its distance to the others. Where a
-step cannot be short, because two real eigenvalues meet and leave the axis as a pair, the pair
-carries the name of the mechanical one. Names depend on the way: round a point where two branches
-meet they trade places.
+Each branch is named after its start. At K = B = 0 the eigenvalues of the one-tick loop are e^{pT}
+for the poles p of the device, the eigenvalues of the velocity's estimator and filter, and 0 for
+every stored command and reading. From there each eigenvalue is followed to (0, B) and on to (K, B),
+in steps that are short compared with its distance to the others. If two real eigenvalues meet and
+leave the axis as a pair, no step is short enough; the pair then has the name of the mechanical one.
+Names depend on the path: a path round a point where two branches meet exchanges their names.
 
 The viscous force of a delayed damper turns with frequency: over the force of a true damper it is
-w(z) G_h(jw) e^{-jw t_d}/(jw), G_h = (1 - e^{-jwT})/(jwT), whose angle is about -w (T + t_d). A mode
-at which that angle is near half a turn is driven by the damper, one near a full turn is damped:
-`damper_effect`.
+w(z) G_h(jw) e^{-jw t_d}/(jw), G_h = (1 - e^{-jwT})/(jwT), whose angle is about -w (T + t_d). The
+damper drives a mode at whose frequency this angle is near half a turn, and damps one at which it is
+near a full turn: `damper_effect`.
 """
 
 from collections.abc import Callable, Iterable
@@ -56,7 +56,7 @@ class Branches:
             return -np.log(np.abs(self.z)) / self.period
 
     def name_at(self, z: complex) -> str:
-        """Return the name of the eigenvalue nearest z at the last gain; a pair has one name."""
+        """Return the name of the eigenvalue nearest z at the last gain; a pair shares one name."""
         last = self.z[-1]
         own = self.names[int(np.argmin(np.abs(last - z)))]
         other = self.names[int(np.argmin(np.abs(last - np.conj(z))))]
@@ -64,7 +64,7 @@ class Branches:
 
 
 def damping_locus(device: Device, dampings: Iterable[float]) -> Branches:
-    """Follow all eigenvalues from B = 0 over rising or falling dampings B, at K = 0."""
+    """Follow all eigenvalues from B = 0 over dampings B, rising or falling, at K = 0."""
     loop = open_loop(device)
     return _locus(loop, *_start(device), _values(dampings, "damping"), lambda b: (0.0, b))
 
@@ -79,7 +79,7 @@ def stiffness_locus(device: Device, damping: float, stiffnesses: Iterable[float]
 
 
 def critical_mode(device: Device, point: LinearPoint) -> str | None:
-    """Name the mode that leaves the unit circle at a point of the boundary, None without one."""
+    """Return the name of the mode that leaves the unit circle at a boundary point, or None."""
     if point.stiffness is None or point.frequency_hz is None:
         return None
     branches = stiffness_locus(device, point.damping, [point.stiffness])
@@ -106,7 +106,7 @@ def damper_effect(device: Device, frequency_hz: ArrayLike) -> Complexes:
 
 
 def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
-    """Names and eigenvalues at K = B = 0: modes in rising |p|, the slowest two the rigid body."""
+    """Names and eigenvalues at K = B = 0: modes in rising |p|, first the rigid body's two."""
     refuse_force(device, "a naming by modes")
     plant, interface = device.plant(), device.interface
     whole, remainder = interface.delay_ticks
@@ -135,7 +135,7 @@ def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
 
 
 def _rank(name: str) -> int:
-    """Return 0 for a mode of the mechanism, 1 for what the loop adds."""
+    """Return 0 for a mode of the mechanism, 1 for an eigenvalue that the loop adds."""
     return int(name in (DELAY, FILTER, AMPLIFIER))
 
 
@@ -173,7 +173,7 @@ def _follow(
     """Continue the eigenvalues z of the wall `start` = (K, B) along the straight line to `end`.
 
     New eigenvalues are paired with the extrapolated old ones so that the sum of the distances is
-    least; the step is halved until the distances are short for all that have a name.
+    least. The step is halved until the distances of all named eigenvalues are short.
     """
     foreign = np.array([[own != other for other in names] for own in names])
     known = np.array([name != DELAY for name in names])

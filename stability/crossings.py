@@ -1,8 +1,8 @@
 """All gains at which an eigenvalue of A - k b c is on the unit circle, in one eigenproblem.
 
-z is an eigenvalue of A - k b c (and none of A) iff 1 + k g(z) = 0, g(z) = c (z I - A)^-1 b. For a
-real k and |z| = 1, g(z) = g(1/z) = conj g(z): every crossing, of whatever k, is a zero of
-g(z) - g(1/z), and these zeros are the finite eigenvalues of the symplectic pencil
+z is an eigenvalue of A - k b c (and not of A) iff 1 + k g(z) = 0, g(z) = c (z I - A)^-1 b. For a
+real k and |z| = 1, g(z) = g(1/z) = conj g(z): every crossing, of whatever k, is a zero of g(z) -
+g(1/z), and these zeros are the finite eigenvalues of the symplectic pencil
 
     [A - z I     0       b  ]
     [   0     I - z A  -z b ]
@@ -10,13 +10,14 @@ g(z) - g(1/z), and these zeros are the finite eigenvalues of the symplectic penc
 
 QZ finds all of them at once. Between two neighbouring gains of the list no eigenvalue can pass the
 circle, so one look at the eigenvalues there decides for the whole interval: no band of instability
-is too narrow. The list may be too long without harm (a false gain splits an interval in two), so
-zeros are taken up to `NEAR_CIRCLE` off the circle, where rounding moves a simple zero by 1e-13 and
-a double one by 1e-7.
+is too narrow. False gains in the list do no harm (each only splits an interval in two), so zeros up
+to `NEAR_CIRCLE` off the circle are accepted, where rounding moves a simple zero by 1e-13 and a
+double one by 1e-7.
 
 Limits: an eigenvalue of A on the circle cancels in g(z) - g(1/z) and reappears as a false zero, so
 zeros closer than `NEAR_POLE` to an eigenvalue of A are dropped: a mode that decays by less per tick
-counts as undamped. At z = 1, where rounding moves a double eigenvalue by 1e-8, it is `NEAR_ONE`.
+counts as undamped. At z = 1, where rounding moves a double eigenvalue by 1e-8, the distance is
+`NEAR_ONE`.
 """
 
 from typing import NamedTuple
@@ -47,7 +48,7 @@ class Crossings(NamedTuple):
 def crossings(a: Floats, b: Floats, c: Floats) -> Crossings:
     """Return every k > 0 at which A - k b c has an eigenvalue on the unit circle.
 
-    a (M, M), b (M,), c (M,). The list may also hold gains at which nothing crosses.
+    a (M, M), b (M,), c (M,). The result may also contain gains at which no eigenvalue crosses.
     """
     a, b, c = _balanced(a, b, c)
     poles = np.linalg.eigvals(a).astype(np.complex128)
@@ -67,7 +68,7 @@ def crossings(a: Floats, b: Floats, c: Floats) -> Crossings:
 
 
 def _balanced(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """Scale the states so that rows and columns of A have equal norms; g stays what it is."""
+    """Scale the states so that rows and columns of A have equal norms; g does not change."""
     scaled, (scale, _) = matrix_balance(a, permute=False, separate=True)
     return scaled.astype(np.float64), b / scale, c * scale
 
@@ -103,7 +104,7 @@ def _response(a: Floats, b: Floats, c: Floats, z: Complexes) -> tuple[Complexes,
 def _polished(angles: Floats, bound: Floats, response: Complexes, slope: Complexes) -> Floats:
     """One Newton step on the phase of g(exp(j angle)) towards the real axis.
 
-    d arg g / d angle = Re(z g'/g). A candidate that is not a crossing cannot reach the phase. So
+    d arg g / d angle = Re(z g'/g). A candidate that is not a crossing has no such phase nearby, so
     the step is bounded by the largest displacement that rounding can cause, and by half the
     distance to the nearest pole.
     """

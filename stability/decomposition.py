@@ -6,15 +6,16 @@ On the unit circle the characteristic equation is linear in K and B with one com
 
 w the response of the velocity estimate (`velocity_response`),
 
-so its imaginary part gives B(f), its real part K(f). P is the plant with hold and delay; from the
-partial fractions G(s) = sum r_i / (s - p_i),
+so the imaginary part gives B(f), and the real part K(f). P is the plant with hold and delay; from
+the partial fractions G(s) = sum r_i / (s - p_i),
 
     P(z) = z^-d sum r_i (h_i(T - r) + e^{p_i (T - r)} h_i(r) / z) / (z - e^{p_i T}),
     h_i(t) = (e^{p_i t} - 1) / p_i.
 
-No matrix exponential, no loop matrix, no eigenvalue in z: an independent witness of
-`stability/linear.py`. The curve says where an oscillation can stand, not which side is stable; the
-line z = -1 is not on it. Needs distinct poles, so b > 0 on a device without ground spring.
+This uses no matrix exponential, no loop matrix and no eigenvalue in z, so it is an independent
+check of `stability/linear.py`. The curve shows at which walls an oscillation can sustain itself,
+not which side is stable; the line z = -1 is not part of it. It needs distinct poles, so b > 0 on a
+device without ground spring.
 """
 
 from typing import NamedTuple
@@ -40,7 +41,7 @@ class PartialFractions(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Walls that sustain an oscillation: damping B and stiffness K, shape of the frequencies."""
+    """Walls that sustain an oscillation: damping B and stiffness K, one of each per frequency."""
 
     damping: Floats
     stiffness: Floats
@@ -49,22 +50,22 @@ class Curve(NamedTuple):
 def curve(device: Device, frequency_hz: ArrayLike) -> Curve:
     """Return (B, K) at each frequency, 0 < f < 1/(2T) [Hz].
 
-    From eq. (1) itself where the device is given in modal form and no effect changes its linear
-    equations, else from the eigenvectors of the chain. Raises ValueError for a frequency outside
-    the open interval or for poles that coincide.
+    Uses eq. (1) if the device is given in modal form and no effect changes its linear equations,
+    else the eigenvectors of the chain. Raises ValueError for a frequency outside the open interval
+    or for poles that coincide.
     """
     interface = device.interface
     f = np.asarray(frequency_hz, dtype=np.float64)
     refuse_force(device, "this closed form")
     if interface.multirate:
         raise ValueError(
-            "velocity_ticks or position_ticks is more than 1, and this closed form takes one rate:"
-            " use `stability.periodic`, or set both to 1"
+            "velocity_ticks or position_ticks is more than 1, but this closed form takes only one"
+            " rate: use `stability.periodic`, or set both to 1"
         )
     nyquist = 0.5 / interface.period
     if not np.all((f > 0.0) & (f < nyquist)):
         raise ValueError(
-            f"frequency_hz must lie inside 0 to {nyquist:g} Hz (half the sampling rate)"
+            f"frequency_hz must lie between 0 and {nyquist:g} Hz (half the sampling rate)"
         )
     altered = any(p.effect.hook == "structure" for p in device.physics)
     modal = None if altered else device.modal

@@ -1,8 +1,9 @@
-"""What describing functions say of limit cycles: the first harmonic of each nonlinearity.
+"""Limit cycles predicted by describing functions: the first harmonic of each nonlinearity.
 
-Friction at m1, f = -f_c sign(v), on an oscillation of amplitude A and frequency w: its first
-harmonic is that of a damper b_f = 4 f_c / (pi A w). The loop with that damper added to b1 is
-marginal at some K: there A is an unstable cycle. Starts below it come to rest, starts above grow.
+Friction at m1, f = -f_c sign(v), on an oscillation of amplitude A and frequency w: has the first
+harmonic of a damper b_f = 4 f_c / (pi A w). The loop with this damper added to b1 is marginal at
+some K: at that K, A is the amplitude of an unstable cycle. Starts below it come to rest, starts
+above grow.
 
 A quantiser of step D in the encoder passes the first harmonic of an amplitude A with the gain
 N(A) = (4 D / (pi A)) sum_i sqrt(1 - ((2 i - 1) D / (2 A))^2), which is 0 up to D/2 and never above
@@ -13,10 +14,10 @@ A saturation at u_max passes a command of amplitude U with N(U) = (2/pi)(asin r 
 r = u_max/U, from 1 down to 0. Beyond the boundary (N K, N B) comes back to it for a smaller N:
 there the growth ends in a stable cycle.
 
-Gelb & Vander Velde, Multiple-Input Describing Functions, 1968. Limits: the loop must filter the
-higher harmonics, which the rigid body does and a mode near three times w does not; friction between
-sampled instants is taken as continuous. A virtual damper on a quantised position commands pulses,
-which are no harmonics at all: with B > 0 cycles of half a step exist far below the predicted line.
+Gelb & Vander Velde, Multiple-Input Describing Functions, 1968. Limits: the loop must filter out the
+higher harmonics, which the rigid body does and a mode near three times w does not; friction is
+treated as continuous between sampled instants. A virtual damper on a quantised position commands
+pulses, far from harmonic: with B > 0, cycles of half a step exist far below the predicted line.
 """
 
 import cmath
@@ -35,9 +36,9 @@ from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 QUANTISER_TOP = 4.0 / math.pi
-SLOWEST_HZ = 0.1  # no cycle of friction is looked for below
-NEAR = 1e-4  # relative, of the damper that stands for friction
-FEW, MANY = 9, 97  # dampings of a grid: for one boundary, for a line of them
+SLOWEST_HZ = 0.1  # amplitude below which no cycle of friction is sought
+NEAR = 1e-4  # relative tolerance of the damper equivalent to friction
+FEW, MANY = 9, 97  # dampings of a grid: for one boundary, for a line of boundaries
 
 
 class PredictedCycle(NamedTuple):
@@ -59,9 +60,9 @@ def friction_damper(device: Device, extra: float) -> Device:
 def friction_boundary(
     device: Device, level: float, damping: float, amplitude: float
 ) -> LinearPoint | None:
-    """Return the boundary for a start of this amplitude with friction `level` at m1.
+    """Return the boundary for a start of this amplitude with Coulomb friction `level` at m1.
 
-    None where no K is stable. Raises ValueError for a level < 0 or an amplitude <= 0.
+    None if no K is stable. Raises ValueError for a level < 0 or an amplitude <= 0.
     """
     if not level >= 0.0 or not amplitude > 0.0:
         raise ValueError(
@@ -90,7 +91,7 @@ def friction_boundary(
 def quantiser_boundaries(device: Device, dampings: Floats) -> Floats:
     """Return, for each B, the K above which an encoder step of any size can sustain a cycle.
 
-    dampings (n,); NaN where no K > 0 is free of cycles. It is the least K_CR(N B) / N over all
+    dampings (n,); NaN where no K > 0 is free of cycles. This K is the least K_CR(N B) / N over all
     gains N, with K_CR interpolated linearly on a grid of B.
     """
     top = QUANTISER_TOP * float(dampings.max())
@@ -114,8 +115,8 @@ def saturation_gain(amplitude: float, limit: float) -> float:
 def saturation_cycle(device: Device, stiffness: float, damping: float) -> PredictedCycle | None:
     """Return the cycle in which growth ends at the device's command limit.
 
-    command: before the limit [N m | N]. None where the wall is stable, or where no smaller gain is
-    (the growth has no end).
+    command: before the limit [N m | N]. None if the wall is stable, or unstable at every smaller
+    gain too (the growth has no end).
     """
 
     def beyond(gain: float) -> float:

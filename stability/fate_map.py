@@ -1,4 +1,4 @@
-"""A map of fates over a plane: run adaptively, resumed from its folder, written as NetCDF."""
+"""A map of fates over a plane: computed adaptively, resumed from its folder, saved as NetCDF."""
 
 import hashlib
 import json
@@ -31,15 +31,16 @@ from zwidth.stability.plane_theory import linear_radius
 if TYPE_CHECKING:
     from xarray import Dataset
 
-WHAT = ("map", "plane")  # what its folder holds, and of what
-CHUNK = 512  # points a part: what is lost at most, for each core, when a run is stopped
+WHAT = ("map", "plane")  # kind and content of its folder
+CHUNK = 512  # points per part: the most that each core loses if a run is stopped
 
 
 @dataclass(frozen=True, repr=False)
 class FateMap(Shown):
     """A finished map. x, y: lattice values; fates, flat, and run: (y, x).
 
-    run: points that were simulated; the others lie between points of one fate and take that fate.
+    run: flags of the points that were simulated; each other point lies between points of one fate
+    and has this fate.
     """
 
     plane: Plane
@@ -59,17 +60,18 @@ class FateMap(Shown):
         return linear_radius(self.plane, self.x, self.y)
 
     def transitions(self) -> tuple[Floats, Floats]:
-        """Return, for every x, the y up to which all runs rest, and the y from which a run grows.
+        """Return, for each x, the y up to which all runs come to rest, and the lowest y that grows.
 
-        NaN where already the run at the lowest y does not come to rest, or where no run grows. Each
-        lies halfway between two points of the lattice (its last point, where all of them rest).
+        Each lies halfway between two points of the lattice. The first is NaN if the run at the
+        lowest y does not come to rest, and the last y if all runs do. The second is NaN if no run
+        grows or the one at the lowest y already does.
         """
         rests, grows = self.fates.fate == Fate.RESTS, self.fates.fate == Fate.GROWS
         return _first(self.y, ~rests, self.y[-1]), _first(self.y, grows, math.nan)
 
 
 def _first(y: Floats, there: NDArray[np.bool_], otherwise: float) -> Floats:
-    """Return halfway below the first y of the set `there`, NaN if it is the lowest."""
+    """The y halfway below the first of `there` (NaN: it is the lowest); without any: otherwise."""
     index = there.argmax(axis=0)
     halfway = 0.5 * (y[np.maximum(index - 1, 0)] + y[index])
     return np.where(there.any(axis=0), np.where(index > 0, halfway, math.nan), otherwise)
@@ -86,10 +88,10 @@ def make_map(
 ) -> FateMap:
     """Run a map, in memory or in a folder where it resumes.
 
-    progress: called with (share done as if all levels were equal work, points run). workers: how
-    many threads a part takes (None: all). runner: where parts are run (None: here, in turn). Raises
-    ValueError where the folder holds another map or another program fills it, OSError where it
-    cannot be written or all workers are lost.
+    progress: called with (share done, all levels counted as equal work; points run). workers:
+    threads per part (None: all). runner: executes the parts (None: this process, one after
+    another). Raises ValueError if the folder has another map or another program is filling it,
+    OSError if it cannot be written or all workers are lost.
     """
     size = side(coarse, levels)
     x, y = plane.x.values(size), plane.y.values(size)
@@ -144,10 +146,9 @@ def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
 def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
     """Write a map as NetCDF with units and attributes, whole or not at all; returns the path.
 
-    Its dimensions are the quantities of its axes: (K, B) for the usual map.
-    The same map gives the same bytes. An existing file is replaced only if this function
-    wrote it and it was not edited since, or with overwrite. Otherwise raises Protected. Raises
-    OSError where the file cannot be written.
+    The dimensions are the quantities of the axes: (K, B) for the usual map. Equal maps give equal
+    bytes. An existing file is replaced only if this function wrote it and it was not edited since,
+    or with overwrite. Otherwise raises Protected. Raises OSError if the file cannot be written.
     """
     with writing_as("save_map", overwrite):
         return write_bytes(file, bytes(map_dataset(result).to_netcdf(engine="scipy")))
@@ -155,7 +156,7 @@ def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
 
 def map_dataset(result: FateMap) -> "Dataset":
     """Return a map as an `xarray.Dataset` with units, over y and x."""
-    import xarray  # takes half a second, and only who saves a map needs it
+    import xarray  # its import takes half a second and only saving a map needs it
 
     plane = result.plane
     unit, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
@@ -195,7 +196,7 @@ def map_dataset(result: FateMap) -> "Dataset":
 
 
 def dimension(quantity: str) -> str:
-    """Return the name of a quantity's dimension in a file, where `amplitude` is a result."""
+    """Return the name of a quantity's dimension in a file, in which `amplitude` is a result."""
     return "start_amplitude" if quantity == "amplitude" else quantity
 
 

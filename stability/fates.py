@@ -1,4 +1,4 @@
-"""What becomes of a run at the points of a plane, in the words of `sim/fate.py`."""
+"""The fates (`sim/fate.py`) of runs at the points of a plane."""
 
 from dataclasses import dataclass, fields
 
@@ -30,7 +30,7 @@ class Fates(Valued):
 
     @staticmethod
     def empty(count: int) -> "Fates":
-        """Return room for count results."""
+        """Return arrays for count results, to be filled by `put`."""
         return Fates(np.full(count, -1, dtype=np.int8), *np.full((4, count), np.nan))
 
     def put(self, where: Ints, other: "Fates") -> None:
@@ -40,7 +40,7 @@ class Fates(Valued):
 
 
 def evaluate(plane: Plane, x: Floats, y: Floats, workers: int | None = None) -> Fates:
-    """Run the device at points (x, y) of the plane, both (n,): those of one structure together."""
+    """Run the device at points (x, y) of the plane, both (n,)."""
     columns: dict[str, Floats] = {plane.x.quantity: x, plane.y.quantity: y}
     apart = {q: columns[q] for q in OF_THE_DEVICE if q in columns}
     keys = np.column_stack(list(apart.values())) if apart else np.zeros((x.size, 1))

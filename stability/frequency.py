@@ -1,14 +1,14 @@
 """The frequency at which a run near the boundary oscillates.
 
-Of a linear device, of all spectral peaks of m1's velocity in the last quarter of a run, the one
-that has grown most since the second quarter: at the boundary every other mode has died down by
-then. Of those that have grown alike, as the harmonics of a limit cycle do, it is the largest. A
-four-term Blackman-Harris window keeps its sidelobes (-92 dB) below the peaks that are looked at,
-and a parabola through the logarithm of three bins places the peak to about a hundredth of a bin.
+On a linear device this is, of all spectral peaks of m1's velocity in the last quarter of a run, the
+one that has grown most since the second quarter: at the boundary every other mode has died down by
+then. If several have grown equally, as the harmonics of a limit cycle do, it is the largest of
+them. A four-term Blackman-Harris window has sidelobes (-92 dB) below the peaks that are considered,
+and a parabola through the logarithms of three bins locates the peak to about a hundredth of a bin.
 
-Under steps and friction that rule misleads: an encoder's steps draw lines all over the spectrum,
+With steps and friction this rule misleads: an encoder's steps make lines all over the spectrum,
 which grow and fade while the oscillation itself hardly grows. There the run is followed until it is
-known to grow or to cycle, and the largest peak at its end counts.
+known to grow or to cycle, and the largest peak at its end is used.
 """
 
 from functools import cache
@@ -20,9 +20,9 @@ from scipy.fft import next_fast_len, rfft
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
-FEWEST_TICKS = 8  # of a quarter of a run
-PARTS = 8  # of the end of a run, by which its growth is told
-ALIKE = 0.95  # growth of a peak over that of the one that has grown most
+FEWEST_TICKS = 8  # ticks of a quarter of a run, at least
+PARTS = 8  # parts of the end of a run from which its growth is estimated
+ALIKE = 0.95  # growth of a peak over the largest growth
 
 
 @cache
@@ -55,7 +55,7 @@ def largest_frequencies(velocities: Floats, most: int, period: float) -> Floats:
     """Return the frequency [Hz] of the largest oscillation at the end of each run, (runs,).
 
     velocities (runs, ticks) at the sampling period [s], NaN where a run was not followed; most: the
-    ticks at its end that are looked at. NaN where nothing oscillates.
+    number of ticks at its end that are used. NaN where nothing oscillates.
     """
     found = np.full(velocities.shape[0], np.nan)
     for i, row in enumerate(velocities):
@@ -76,7 +76,7 @@ def _level(velocity: Floats) -> Floats:
 
 
 def _largest(velocity: Floats) -> float:
-    """Cycles a tick of the largest peak of a velocity (ticks,), NaN where there is none."""
+    """Cycles per tick of the largest peak of a velocity (ticks,), NaN without a peak."""
     size = next_fast_len(PADDING * velocity.size, real=True)
     level = _level(velocity)
     spectrum = np.abs(rfft((level - level.mean()) * blackman_harris(level.size), size))
@@ -88,7 +88,7 @@ def _largest(velocity: Floats) -> float:
 
 
 def _frequencies(velocities: Floats) -> Floats:
-    """Cycles a tick of runs (runs, ticks) of one length."""
+    """Cycles per tick of the peak that has grown most in each run (runs, ticks)."""
     quarter = velocities.shape[1] // 4
     size = next_fast_len(PADDING * quarter, real=True)
     parts = np.stack([velocities[:, quarter : 2 * quarter], velocities[:, -quarter:]])

@@ -1,12 +1,12 @@
-"""A hand that holds the device: mass, spring and damper to ground at the last mass of the chain.
+"""A hand that holds the device: mass, spring and damper to ground at the chain's last mass.
 
-The finger is measured at its tip, so on a rotary device all three act at a lever: times its square.
-The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian and R. D. Howe,
-Identification of the mechanical impedance at the human finger tip, J. Biomechanical Engineering
-119, 109-114, 1997): finger, forces and model are as in its abstract, the numbers themselves are yet
-to be verified in the paper. The band of K_CR is taken over the corners of the ranges and their
-middle, at each damping; its quantiles over hands that are drawn, each property for itself and by
-equal ratios over its range. Limits: nothing between hand and device gives, the hand does not react.
+The finger's values hold at its tip, so on a rotary device all three are multiplied by the square of
+the lever. The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian and
+R. D. Howe, Identification of the mechanical impedance at the human finger tip, J. Biomechanical
+Engineering 119, 109-114, 1997): finger, forces and model agree with the abstract; the numbers have
+not yet been checked in the paper itself. At each damping the band of K_CR is over the corners and
+the middle of the ranges; the quantiles are over random hands, each property drawn independently and
+log-uniformly from its range. Limits: the grip is rigid, and the hand does not react.
 """
 
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from zwidth.stability.linear import boundary
 
 
 class Hand(NamedTuple):
-    """Mass [kg], damping [N s/m] and stiffness [N/m] at the point that is held."""
+    """Mass [kg], damping [N s/m] and stiffness [N/m] of a hand, where it holds the device."""
 
     mass: float
     damping: float
@@ -29,14 +29,14 @@ class Hand(NamedTuple):
 
 
 class Range(NamedTuple):
-    """From low to high, in the unit of what it is a range of."""
+    """A range from low to high, in the unit of its quantity."""
 
     low: float
     high: float
 
 
 class Quantiles(NamedTuple):
-    """K_CR [N m/rad | N/m] that 95, 50 and 5 % of hands reach."""
+    """K_CR [N m/rad | N/m] that 95, 50 and 5 % of the hands reach or exceed."""
 
     low: float
     median: float
@@ -51,7 +51,7 @@ HANDS = (MIDDLE, *(Hand(*values) for values in product(MASS, DAMPING, STIFFNESS)
 
 
 def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
-    """Return the device held by a hand; lever [m] of the hand on a rotary device, unused else.
+    """Return the device held by a hand; lever [m]: of the hand on a rotary device, else unused.
 
     Raises ValueError for a lever that is not > 0 or a hand with a value < 0.
     """
@@ -74,7 +74,7 @@ def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
 
 
 def hand_band(device: Device, dampings: Iterable[float], lever: float = 1.0) -> list[Range]:
-    """Return least and largest K_CR over all `HANDS` at each B, 0 where no K is stable."""
+    """Return the least and the largest K_CR over all `HANDS` at each B, 0 where no K is stable."""
     grid = list(dampings)
     found = np.array(
         [
@@ -102,8 +102,8 @@ def hand_quantiles(
 ) -> list[Quantiles]:
     """Return the K_CR that 95, 50 and 5 % of drawn hands reach at each B, 0 for no stable K.
 
-    lever [m] of the hand on a rotary device, unused else. Limit: with n hands the share below
-    a quantile is uncertain by about 1/sqrt(n).
+    lever [m]: of the hand on a rotary device, else unused. Limit: with n hands the share below a
+    quantile is uncertain by about 1/sqrt(n).
     """
     grid = list(dampings)
     found = np.array(

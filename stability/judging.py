@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.scenarios.scenario import usual_substeps
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs
 from zwidth.sim.fate import rest_amplitude
@@ -22,20 +23,23 @@ from zwidth.sim.run import Start
 from zwidth.sim.windows import MEASURES
 
 Floats = NDArray[np.float64]
-STARTS = (1e-3, 1e-4)  # [rad | m]; the second finds what play and steps keep up near rest
+STARTS = (
+    1e-3,
+    1e-4,
+)  # [rad | m]; the second finds cycles of play and steps near rest
 
 
 @dataclass(frozen=True)
-class Trial:
+class Trial(Valued):
     """How a single (K, B) is judged.
 
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
     boundary depends on it. others: further starts for a boundary; a wall then counts as stable only
-    if it is stable from every start. Maps and linear devices use none of these. seconds of the
-    first run, limit_s of the longest; window_s of the energy windows. threshold: largest amplitude
-    of a limit cycle that counts as rest, above which none counts as dither (None: the rules of
-    `sim/fate.py`). substeps per tick where the device needs them. law: of the walls. perception:
-    from which size an oscillation is felt.
+    if it is stable from every start. Maps and linear devices do not use these. seconds: length of
+    the first run; limit_s: of the longest; window_s: of the energy windows. threshold: largest
+    amplitude of a limit cycle that counts as rest; a larger one never counts as dither (None: the
+    rules of `sim/fate.py`). substeps: per tick, for devices that need them. law: of the walls.
+    perception: the size above which an oscillation is felt.
 
     Raises ValueError with field, value and what is allowed.
     """
@@ -56,8 +60,8 @@ class Trial:
                 raise ValueError(f"start is {start}; an amplitude other than 0 is needed")
         if not 0.0 < self.window_s * 6.0 <= self.seconds <= self.limit_s < math.inf:
             raise ValueError(
-                f"seconds is {self.seconds}; allowed is six windows ({6.0 * self.window_s} s)"
-                f" to limit_s ({self.limit_s} s)"
+                f"seconds is {self.seconds}; it must be at least six windows ({6.0 * self.window_s}"
+                f" s) and at most limit_s ({self.limit_s} s)"
             )
 
     @property
@@ -67,7 +71,7 @@ class Trial:
 
 
 def usual_trial(device: Device) -> Trial:
-    """Return the trial of a boundary where nothing else is asked for."""
+    """Return the default trial of a boundary."""
     return Trial(STARTS[0], others=STARTS, substeps=usual_substeps(device))
 
 
@@ -89,7 +93,7 @@ def judge_each(
     trial: Trial,
     workers: int | None = None,
 ) -> Growth:
-    """Run walls of several devices; which, starts, rests (runs,): each run's device, start, rest.
+    """Run walls of several devices; which, starts, rests (runs,): device, start, rest amplitude.
 
     Devices of one structure are computed together, whatever their parameters. Raises ValueError for
     too few substeps.
@@ -123,7 +127,7 @@ def judge_each(
 
 
 def prepared(device: Device, substeps: int) -> Member:
-    """Return a device as an ensemble takes it; raises ValueError for too few substeps."""
+    """Return a device as a member of an ensemble; raises ValueError for too few substeps."""
     one = member(device, substeps)
     if one.complaint is not None:
         raise ValueError(one.complaint)
@@ -138,9 +142,10 @@ def nonlinear_walls(device: Device) -> bool:
 
 @dataclass(frozen=True)
 class Subjects:
-    """What runs under walls: members of one structure, which (runs,) of them each run has.
+    """The runs to judge: devices of one structure and, per run, its device, start and rest.
 
-    starts (runs,): amplitudes at t = 0; rests (runs,): those of a limit cycle that count as rest.
+    which (runs,): index into members; starts (runs,): amplitude at t = 0; rests (runs,): amplitude
+    up to which a limit cycle counts as rest.
     """
 
     members: Sequence[Member]
@@ -195,5 +200,5 @@ def judge_for(
 
 
 def threshold(device: Device, trial: Trial) -> float:
-    """Return the amplitude of a limit cycle that counts as rest."""
+    """Return the largest amplitude of a limit cycle that counts as rest."""
     return rest_amplitude(device, trial.start) if trial.threshold is None else trial.threshold

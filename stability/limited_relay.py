@@ -1,17 +1,19 @@
-"""What a relay reads beyond the boundary, where the amplifier's limit bounds the oscillation.
+"""The readings of a relay beyond the boundary, where the amplifier's limit bounds the oscillation.
 
-The relay's force D and the damper's B v together make the command. At amplitude A the relay reads
-K = 4 D / (pi A), and the command's first harmonic is |K + B w| A. An amplifier of limit lambda D
-passes of it the share N of a saturation (`stability/describing.py`), so the cycle stands where
+The relay's force D and the damper's B v together make the command. At amplitude A the relay reads K
+= 4 D / (pi A), and the command's first harmonic is |K + B w| A. An amplifier of limit lambda D
+passes the share N of this (that of a saturation, `stability/describing.py`), so there is a cycle
+where
 
     (N K, N B) is on the linear boundary,    command over limit = 4 |K + B w| / (pi lambda K).
 
 With B' = N B and K' = K_CR(B') this is one equation in B'. Without saturation N = 1, K = K_CR(B).
-Beyond the last stable B the linear loop has no reading at all; the limited one has it on the flank
-of the boundary, where K' falls steeply: B' is almost given, and the reading falls slowly with B.
+Beyond the last stable B the linear loop has no reading. The limited loop has one on the flank of
+the boundary, where K' falls steeply: B' is almost constant there, and the reading falls slowly with
+B.
 
-Limits: one harmonic; of several cycles the one farthest out on the flank is taken, which is the one
-that the fast branch makes.
+Limits: one harmonic. Of several cycles the one farthest out on the flank is returned: the one that
+the fast branch makes.
 """
 
 from collections.abc import Iterable
@@ -29,12 +31,12 @@ WITHIN = 1e-9  # of B
 
 
 def limited_reading(device: Device, damping: float, ratio: float) -> LinearPoint:
-    """Return what a relay reads at one B; see `limited_boundary`."""
+    """Return the reading of a relay at one B; see `limited_boundary`."""
     return limited_boundary(device, [damping], ratio)[0]
 
 
 def limited_boundary(device: Device, dampings: Iterable[float], ratio: float) -> list[LinearPoint]:
-    """Return K and frequency that a relay reads at each B through a limit of ratio times its force.
+    """Return the K and frequency that a relay reads at each B; the limit is ratio times its force.
 
     Departures are those of the linear boundary at the damping that the limit leaves. Raises
     ValueError for a ratio that is not above 1.
@@ -53,7 +55,7 @@ def limited_boundary(device: Device, dampings: Iterable[float], ratio: float) ->
 
 
 def _on_the_flank(device: Device, free: LinearPoint, ratio: float, top: float) -> LinearPoint:
-    """Return the cycle on the flank beyond B_t (top); the free point where there is none."""
+    """Return the cycle on the flank beyond B_t (top); the free point if there is no such cycle."""
 
     def excess(left: float) -> float:
         return _passed(device, critical_stiffness(device, left), ratio) - left / free.damping

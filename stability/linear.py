@@ -1,4 +1,4 @@
-"""The linear boundary: how far K may rise for a given B before the exact one-tick loop is unstable.
+"""The linear boundary: the largest K at a given B before the exact one-tick loop goes unstable.
 
 K_CR is the end of the stable interval of K that begins at 0. The gains at which any eigenvalue is
 on the unit circle come all at once from `stability/crossings.py`; between them stability cannot
@@ -8,7 +8,7 @@ infinity. The same holds for B.
 
 Near K = 0 a free device has an eigenvalue 1 - K T / (b + B): inside iff b + B > 0, which is when
 the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. So that loop decides for
-K -> 0. A margin routine prints a number whether or not K -> 0 is stable.
+K -> 0. (A gain-margin routine gives a number even if K -> 0 is unstable.)
 
 Limits: a decay of less than `SETTLED` per tick counts as none at K -> 0, a growth of less than
 `ROUNDING` per tick counts as none anywhere.
@@ -44,13 +44,13 @@ JUMP = 1e-3
 def critical_stiffness(device: Device, damping: float) -> LinearPoint:
     """Return K_CR and the ultimate frequency at a virtual damping B [N m s/rad | N s/m].
 
-    Raises ValueError where B is not finite.
+    Raises ValueError if B is not finite.
     """
     return boundary(device, [damping])[0]
 
 
 def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
-    """Return the critical stiffness at each B; of several rates by `stability/periodic.py`."""
+    """Return the critical stiffness at each B, for several rates by `stability/periodic.py`."""
     if device.interface.multirate:
         return periodic_boundary(device, dampings)
     loop = open_loop(device)
@@ -58,42 +58,43 @@ def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
 
 
 def has_theory(device: Device) -> bool:
-    """Whether linear theory applies to the device: not if its velocity estimator is not linear."""
+    """Whether linear theory applies to the device: whether its velocity estimator is linear."""
     return device.interface.estimator.linear is not None
 
 
 def known_boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
-    """Return `boundary`, or points without a stiffness where there is no theory of the device."""
+    """Return `boundary`, or points without a stiffness if linear theory does not apply."""
     if has_theory(device):
         return boundary(device, dampings)
     return [LinearPoint(damping, None, None, None) for damping in dampings]
 
 
 def stand_in(device: Device) -> Device:
-    """Return the device for the range of the search: itself, or one with the backward difference.
+    """Return a device whose linear boundary sets the range of a search.
 
-    The second is returned if linear theory does not apply to the device; its boundary is only a
-    range of K and B to try, not a statement about the device.
+    It is the device itself if linear theory applies to it, else the device with the backward
+    difference as its velocity estimator. The boundary of the latter is only a range of K and B to
+    try, not a statement about the device.
     """
     return device if has_theory(device) else device.with_interface(**DIFFERENCE_ALONE)
 
 
 def any_loop(device: Device) -> Loop | PeriodicLoop:
-    """Return the loop of a device: `closed(K, B)` is of a tick or, of several rates, of a cycle."""
+    """Return the loop of a device: `closed(K, B)` spans a tick or, with several rates, a cycle."""
     return periodic_loop(device) if device.interface.multirate else open_loop(device)
 
 
 def stable_dampings(device: Device) -> list[tuple[float, float]]:
     """Return all intervals (from, to) of B >= 0 [N m s/rad | N s/m] with a stable K near 0.
 
-    B is a rank-one change as K is: the same eigenproblem, at K = 0 and without the drift, gives all
-    B at which an eigenvalue is on the circle.
+    B is a rank-one change of the loop, as K is: the same eigenproblem, at K = 0 and without the
+    drift, gives all B at which an eigenvalue is on the unit circle.
     """
     return _stable_dampings(open_loop(device))
 
 
 def last_stable_damping(device: Device) -> float | None:
-    """Return the B above which every small K is unstable; None where that is so for every B."""
+    """Return the B above which every small K is unstable; None if it is unstable at every B."""
     if device.interface.multirate:
         return periodic_last_damping(device)
     bands = stable_dampings(device)
@@ -101,9 +102,10 @@ def last_stable_damping(device: Device) -> float | None:
 
 
 def corner(device: Device) -> Corner | None:
-    """Return the top of the boundary, B from 0 to the last stable one; None without a stable K.
+    """Return the highest point of the boundary for B from 0 to the last stable B, or None.
 
-    The top is searched from a grid of `CORNER_GRID` dampings, then to rounding.
+    None: no K is stable. The search begins on a grid of `CORNER_GRID` dampings and continues to
+    rounding precision.
     """
     if device.interface.multirate:
         return periodic_corner(device)
@@ -151,9 +153,10 @@ def _crossings(loop: Loop, damping: float) -> Crossings:
 def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
     """Tell whether the loop is stable for K -> 0.
 
-    In a free device a slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. If
-    another eigenvalue starts on the circle, the spring moves it in or out: look a little above K =
-    0. Without any crossing the loop is as unstable there as for large K.
+    In a free device a slow eigenvalue at 1 means b + B = 0: any delayed spring then drives the
+    motion. If another eigenvalue starts on the circle, the spring moves it in or out, so the loop
+    is checked a little above K = 0. Without any crossing the loop is unstable there, as it is for
+    large K.
     """
     if found.gains.size == 0:
         return False
@@ -168,7 +171,7 @@ def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
 
 
 def _between(gains: Floats) -> Floats:
-    """One gain inside each interval that the gains cut from (0, their last)."""
+    """One gain inside each interval into which the gains divide (0, last gain)."""
     return 0.5 * (gains + np.concatenate([[0.0], gains[:-1]]))
 
 
@@ -193,7 +196,7 @@ def _stable_dampings(loop: Loop) -> list[tuple[float, float]]:
 
 
 def _joined(gains: Floats, stable: list[bool]) -> list[tuple[float, float]]:
-    """Join neighbouring stable intervals; stable says which of (0, g1), (g1, g2) .. are."""
+    """Join neighbouring stable intervals; stable: whether each of (0, g1), (g1, g2), ... is."""
     bands: list[tuple[float, float]] = []
     edges = [0.0, *gains.tolist()]
     for low, high, inside in zip(edges, edges[1:], stable, strict=False):
@@ -205,7 +208,7 @@ def _joined(gains: Floats, stable: list[bool]) -> list[tuple[float, float]]:
 
 
 def _meeting(loop: Loop, low: float, high: float) -> Corner | None:
-    """Halve [low, high] by the branch that is critical until both ends are neighbours."""
+    """Bisect [low, high] for the corner where the critical branch changes."""
     left, right = _critical(loop, low), _critical(loop, high)
     while _apart(left, right) and right.damping - left.damping > 2.0 * np.spacing(high):
         middle = _critical(loop, 0.5 * (left.damping + right.damping))

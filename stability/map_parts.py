@@ -1,4 +1,4 @@
-"""The parts of a round of a map: from the store, or run wherever tasks are run."""
+"""The parts of one round of a map: read from the store, or run by an executor."""
 
 from collections.abc import Generator, Mapping
 from dataclasses import asdict, fields
@@ -27,8 +27,8 @@ def run_parts(
 ) -> Generator[tuple[int, Fates]]:
     """Yield (number, fates) of every part: those in the store first, others as they finish.
 
-    parts: flat indices into the lattice of the axes (x, y). What finishes is in the store before it
-    is yielded. If far more parts are missing than there are cores, several parts form one task.
+    parts: flat indices into the lattice of the axes (x, y). A part is in the store before it is
+    yielded. If far more parts are missing than there are cores, several parts form one task.
     """
     missing: list[int] = []
     for number, points in parts.items():
@@ -51,7 +51,7 @@ def run_parts(
 
 
 def _read(store: PartStore, number: int, points: Points) -> Fates | None:
-    """Return a part if it is there, whole, and of these points."""
+    """Return a part if the store has it, complete and with these points; else None."""
     names = [f.name for f in fields(Fates)]
     part = store.read(number) or {}
     if not all(name in part and part[name].shape == points.shape for name in ("points", *names)):
@@ -60,7 +60,7 @@ def _read(store: PartStore, number: int, points: Points) -> Fates | None:
 
 
 def _together(parts: int, cores: int) -> int:
-    """Parts a task: many where there is work for long, so that a task is worth its sending."""
+    """Parts per task: several if much work is left, so that a task is worth its overhead."""
     return 1 if cores == 1 else max(1, min(MOST_TOGETHER, parts // (AHEAD * cores)))
 
 

@@ -1,4 +1,4 @@
-"""A map in numbers: shares of the fates, sizes of oscillations, where one fate becomes another."""
+"""A map in numbers: shares of the fates, sizes of oscillations, borders between fates."""
 
 import math
 from typing import Any
@@ -16,14 +16,14 @@ WITNESSES = 12  # points at which a cycle is compared with its describing functi
 
 
 def summary(result: FateMap) -> dict[str, Any]:
-    """Return what JSON says of a map; None where there is nothing to say.
+    """Return the summary of a map for JSON; None: no value.
 
-    fates: of each its share of the plane and, at the points that were run, [median, most] of the
-    amplitude [rad | m], the same in encoder steps, and of the force [N m | N], escaped ones left
-    out. The comparison with linear theory is None where that does not apply to the device.
-    perceptible [N m | N], perceptible_position [rad | m], None for that of the skin: from what on
-    an oscillation is felt. transitions: for each x the y up to which all runs rest and that from
-    which one grows.
+    fates: for each fate its share of the plane and, over the points that were run and did not
+    escape, [median, maximum] of the amplitude [rad | m], of the amplitude in encoder steps, and of
+    the force [N m | N]. The comparison with linear theory is None if that does not apply to the
+    device. perceptible [N m | N], perceptible_position [rad | m] (None: the skin's): the thresholds
+    above which an oscillation is felt. transitions: for each x the y up to which all runs come to
+    rest, and the y from which one grows.
     """
     plane, fate = result.plane, result.fates.fate
     rests, grows = result.transitions()
@@ -48,7 +48,7 @@ def summary(result: FateMap) -> dict[str, Any]:
 def _beside_theory(
     result: FateMap, moving: NDArray[np.bool_], felt: NDArray[np.bool_]
 ) -> dict[str, float | None]:
-    """Shares of the stable part that move or are felt, and of the unstable part at rest."""
+    """Shares of the linearly stable part that move or are felt, and of the unstable at rest."""
     names = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting")
     if not has_theory(result.plane.device):
         return dict.fromkeys(names)
@@ -94,7 +94,7 @@ def _median_and_most(values: Floats) -> list[float] | None:
 
 
 def _witnesses(result: FateMap) -> dict[str, Any] | None:
-    """Median relative errors of describing functions over some of the cycles at the limit."""
+    """Median relative errors of describing functions over some cycles at the command limit."""
     held = (result.fates.fate == Fate.GROWS) & result.run & (result.fates.frequency > 0.0)
     j, i = np.nonzero(held & np.isfinite(result.fates.amplitude))
     some = np.unique(np.linspace(0, j.size - 1, WITNESSES).astype(int)) if j.size else []

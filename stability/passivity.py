@@ -1,4 +1,4 @@
-"""The passive walls: (K, B) that no passive hand, however it behaves, can make unstable.
+"""The passive walls: (K, B) that stay stable in contact with any passive hand.
 
 Colgate and Schenkel (J. Robotic Systems 14, 37, 1997): a rigid device of damping b rendering H(z),
 H = K + B w(z), is passive iff at every frequency
@@ -38,11 +38,11 @@ from zwidth.stability.velocity import filter_response, refuse_force
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64
-HILL = 17  # dampings at which a hill of passive K is looked for first
+HILL = 17  # dampings of the first grid on which the largest passive K is sought
 
 
 class Band(NamedTuple):
-    """K that the condition allows at each angle wT: from low to high, nowhere if low > high."""
+    """K that the condition allows at each angle wT: from low to high, none if low > high."""
 
     low: Floats
     high: Floats
@@ -60,8 +60,8 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
         )
     if device.interface.multirate:
         raise ValueError(
-            "velocity_ticks or position_ticks is more than 1, and the passivity criterion takes one"
-            " rate: set both to 1"
+            "velocity_ticks or position_ticks is more than 1, but the passivity criterion takes"
+            " only one rate: set both to 1"
         )
     if device.reading().followers.size:
         raise ValueError(
@@ -79,10 +79,11 @@ def passive_stiffness(device: Device, damping: float) -> PassivePoint:
 
 
 def stiffest_passive(device: Device) -> PassivePoint | None:
-    """Return the stiffest passive wall over all dampings >= 0; None where no wall is passive.
+    """Return the stiffest passive wall over all dampings >= 0; None if no wall is passive.
 
     At each frequency the condition above is a concave quadratic in (K, B), so the passive walls are
-    a convex set, and the largest K over B has one hill; it ends at B = sum b_i at the latest.
+    a convex set, and the largest passive K has a single maximum over B; no wall is passive beyond B
+    = sum b_i.
 
     Raises as `passive_boundary`.
     """
@@ -134,10 +135,10 @@ def allowed(interface: Interface, b: float, damping: float, angles: Floats) -> B
 
 
 def _between_roots(square: Floats, linear: Floats, constant: Floats) -> Band:
-    """Return where -square K^2 - linear K + constant > 0 holds, with square >= 0."""
+    """Return the interval of K in which -square K^2 - linear K + constant > 0, for square >= 0."""
     discriminant = linear**2 + 4.0 * square * constant
     root = np.sqrt(np.maximum(discriminant, 0.0))
-    # The root of smaller magnitude without cancellation; the other runs to infinity with 1/square.
+    # The root of smaller magnitude, without cancellation; the other grows as 1/square.
     q = -0.5 * (linear + np.where(linear >= 0.0, root, -root))
     with np.errstate(divide="ignore", invalid="ignore"):
         near = np.where(q == 0.0, np.inf, -constant / q)
@@ -158,7 +159,7 @@ def _kernel(n: int, angles: Floats) -> Floats:
 def _refined(
     interface: Interface, b: float, damping: float, angles: Floats, values: Floats, upper: bool
 ) -> tuple[float, float]:
-    """Return the least value (high, or -low) over all angles, and where it is."""
+    """Return the least value (high, or -low) over all angles, and its angle."""
     i = int(np.argmin(values))
     best = float(values[i]), float(angles[i])
     if not np.isfinite(best[0]):

@@ -1,18 +1,17 @@
-"""The closed loop of several rates: what one cycle of ticks makes of the state.
+"""The closed loop of a device with several rates, as the map of the state over one cycle.
 
-The state is that of `sim/loop.py`, and before each tick's command, in this order, what is
-read of it: the position y^ that the law has, the reading y* of the last velocity estimate (or what
-another estimator remembers), the estimate v, its filter's slope r. At a tick that renews them they
-are set by a linear map M of the state, else left; then u = -(K y^ + B v), and the chain moves over
-one tick, P:
+The state is that of `sim/loop.py` and, in this order, the readings: the position y^ that the law
+uses, the reading y* of the last velocity estimate (or the memory of another estimator), the
+estimate v, and its filter's slope r. Before each tick's command a linear map M of the state renews
+the readings that are due at this tick. Then u = -(K y^ + B v), and P moves the chain over one tick:
 
     s_{k+1} = (P - b (K c_y + B c_v)) M_k s_k.
 
 M_k repeats after N ticks, the least common multiple of `position_ticks` and `velocity_ticks`, and
 the loop is stable iff all eigenvalues of the product over N ticks lie inside the unit circle.
 (Lifting; P. Voulgaris and B. Bamieh, Systems & Control Letters 20, 249, 1993.) K enters the product
-in many places and not as a rank-one change, so the end of its stable interval is found by a scan,
-`RATIO` from one K to the next, and Brent's method on the spectral radius.
+in many places and not as a rank-one change, so the end of its stable interval is found by a scan
+with the ratio `RATIO` between neighbouring K, and then by Brent's method on the spectral radius.
 
 Limits: a band of instability narrower than the scan's ratio can be stepped over.
 """
@@ -34,7 +33,7 @@ from zwidth.stability.types import Corner, LinearPoint
 
 Floats = NDArray[np.float64]
 RATIO = 1.05
-LOWEST = 1e-8  # of 4 m / T^2, above which no sampled wall holds the whole mass m
+LOWEST = 1e-8  # of 4 m / T^2, above which no sampled wall is stable with the whole mass m
 CORNER_GRID = 40
 
 
@@ -42,8 +41,8 @@ CORNER_GRID = 40
 class PeriodicLoop:
     """One cycle of ticks of a device and a two-sided wall.
 
-    moves (M, M): P; entry (M,): b; measure (N, M, M): M_k; places of y^ and v in the state; period
-    [s] of the cycle; free: nothing but damping holds the device.
+    moves (M, M): P; entry (M,): b; measure (N, M, M): M_k; places: of y^ and v in the state; period
+    [s]: of the cycle; free: the device has no spring to ground.
     """
 
     moves: Floats
@@ -55,7 +54,7 @@ class PeriodicLoop:
     free: bool
 
     def tick(self, stiffness: float | Floats, damping: float) -> Floats:
-        """Return what a tick makes of the measured state, shape (..., M, M) for K (...)."""
+        """Return the map of the measured state over one tick, shape (..., M, M) for K (...)."""
         k = np.asarray(stiffness)[..., None]
         moves = np.broadcast_to(self.moves, (*k.shape[:-1], *self.moves.shape)).copy()
         moves[..., self.position] -= k * self.entry
@@ -98,7 +97,7 @@ ONE_RATE = {
 
 
 def _measured(face: Interface, estimator: Linear, n: int, tick: int) -> Floats:
-    """Return M of a tick: what is renewed of y^, y*, v and r before the command."""
+    """Return M of a tick: it renews those of y^, y*, v and r that are due at this tick."""
     straight, from_slope, to_slope, kept = face.velocity_filter
     given, v = n, n + 1 + estimator.rest.size
     kept_there, slope = slice(n + 1, v), v + 1
@@ -130,7 +129,7 @@ def periodic_boundary(device: Device, dampings: Iterable[float]) -> list[LinearP
 
 
 def periodic_last_damping(device: Device) -> float | None:
-    """Return the B above which every small K is unstable; None where that is so at B = 0."""
+    """Return the B above which every small K is unstable; None if small K is unstable at B = 0."""
     loop, scan = periodic_loop(device), _scan(device)
     low = float(scan[0])
     if loop.radius(low, 0.0) >= 0.0:
@@ -144,9 +143,9 @@ def periodic_last_damping(device: Device) -> float | None:
 
 
 def periodic_corner(device: Device) -> Corner | None:
-    """Return the top of the boundary for B from 0 to the last stable one, None without a stable K.
+    """Return the highest point of the boundary for B from 0 to the last stable B, or None.
 
-    The top is searched from a grid of `CORNER_GRID` dampings.
+    None: no K is stable. The search begins on a grid of `CORNER_GRID` dampings.
     """
     last = periodic_last_damping(device)
     if last is None:
@@ -174,7 +173,7 @@ def periodic_corner(device: Device) -> Corner | None:
 
 
 def _scan(device: Device) -> Floats:
-    """Return the K that are tried [N m/rad | N/m], rising."""
+    """Return the K of the scan [N m/rad | N/m], rising."""
     scale = 4.0 * float(device.chain.masses.sum()) / device.interface.period**2
     return scale * RATIO ** np.arange(math.log(LOWEST) / math.log(RATIO), 1.0)
 
@@ -199,8 +198,8 @@ def _critical(device: Device, loop: PeriodicLoop, damping: float) -> LinearPoint
 def _frequency(loop: PeriodicLoop, stiffness: float, damping: float) -> float:
     """Frequency [Hz] of the critical oscillation; the eigenvalue of a cycle shows only its alias.
 
-    Its eigenvector is followed through the cycle: the phase by which m1's velocity turns from tick
-    to tick, summed, says which of the aliases it is.
+    The alias is resolved by following the eigenvector through the cycle and summing the phase by
+    which m1's velocity turns from tick to tick.
     """
     values, vectors = np.linalg.eig(loop.closed(stiffness, damping))
     state = vectors[:, int(np.argmax(np.abs(values)))].astype(np.complex128)

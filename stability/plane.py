@@ -1,4 +1,4 @@
-"""A plane of two quantities of a wall and its device: what is on the axes, what is held fixed."""
+"""A plane of two quantities of a wall and its device: the axes, and the values held fixed."""
 
 import math
 from collections.abc import Mapping
@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.fate import rest_amplitude
 from zwidth.sim.physics import make_physics
@@ -25,13 +26,13 @@ OF_THE_DEVICE: tuple[Quantity, ...] = (
     "delay", "encoder_step", "command_limit", "friction", "cutoff",
 )  # fmt: skip
 NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude", "cutoff")
-FIELDS: dict[str, str] = {"cutoff": "velocity_cutoff_hz"}  # of the interface, where named otherwise
+FIELDS: dict[str, str] = {"cutoff": "velocity_cutoff_hz"}  # name in the interface, if different
 FEWEST_TICKS = 64  # of a run: eight windows of eight ticks
-MOST_TICKS = 50  # of delay: linear theory takes the eigenvalues of as many states at every point
+MOST_TICKS = 50  # of delay: linear theory needs the eigenvalues of this many states at every point
 
 
 @dataclass(frozen=True)
-class Axis:
+class Axis(Valued):
     """Values of one quantity: from start to stop in steps, evenly or by equal ratios.
 
     Raises ValueError (axis, value, what is allowed).
@@ -45,10 +46,10 @@ class Axis:
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
             raise ValueError(
-                f"axis {self.quantity!r} is not known; allowed: {', '.join(QUANTITIES)}"
+                f"axis {self.quantity!r} is not known; it must be one of {', '.join(QUANTITIES)}"
             )
         if self.spacing not in ("linear", "log"):
-            raise ValueError(f"spacing is {self.spacing!r}; allowed is 'linear' or 'log'")
+            raise ValueError(f"spacing is {self.spacing!r}; it must be 'linear' or 'log'")
         if not (math.isfinite(self.start) and math.isfinite(self.stop) and self.start < self.stop):
             raise ValueError(
                 f"axis {self.quantity} goes from {self.start:g} to {self.stop:g};"
@@ -56,8 +57,10 @@ class Axis:
             )
         positive = self.quantity in NEVER_ZERO or self.spacing == "log"
         if self.start < 0.0 or (positive and self.start == 0.0):
-            least = "above 0" if positive else "0 or more"
-            raise ValueError(f"axis {self.quantity} begins at {self.start:g}; allowed is {least}")
+            least = "above 0" if positive else "at 0 or more"
+            raise ValueError(
+                f"axis {self.quantity} begins at {self.start:g}; it must begin {least}"
+            )
 
     def values(self, steps: int) -> Floats:
         """Return the lattice of the axis, shape (steps,)."""
@@ -67,13 +70,13 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Plane:
-    """Two quantities to map, the axes, and the values of all others: in the device, or here.
+class Plane(Valued):
+    """Two quantities to map on the axes, and the values of all others, in the device or here.
 
-    stiffness, damping: of the wall, whose law is trial.law. Friction on an axis is the level of
-    Coulomb friction at m1 [N m | N], cutoff that of the velocity filter [Hz]. one_sided: the wall
-    fills y > 0 and the run starts inside it. trial.threshold None: a run rests below 1e-3 of its
-    start and 0.02 of an encoder step.
+    stiffness, damping: of the wall, whose law is trial.law. On an axis, friction is the level of
+    Coulomb friction at m1 [N m | N], and cutoff the velocity filter's [Hz]. one_sided: the wall
+    fills y > 0 and the run starts inside it. If trial.threshold is None, a run rests below 1e-3 of
+    its start and 0.02 of an encoder step.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -100,7 +103,8 @@ class Plane:
         most = MOST_TICKS * self.device.interface.period
         if longest > most:
             raise ValueError(
-                f"the delay reaches {longest:g} s; a map allows {MOST_TICKS} ticks ({most:g} s)"
+                f"the delay reaches {longest:g} s; a map allows at most {MOST_TICKS} ticks"
+                f" ({most:g} s)"
             )
         shortest = FEWEST_TICKS * self.device.interface.period
         if self.trial.seconds < shortest:
@@ -125,7 +129,7 @@ class Plane:
         }[quantity]
 
     def at(self, values: Mapping[str, float]) -> dict[Quantity, float]:
-        """Return all quantities at a point: those in values, and the settings."""
+        """Return all quantities at a point: those in values, and the settings for the rest."""
         return {q: values[q] if q in values else self.setting(q) for q in QUANTITIES}
 
     def device_at(self, values: Mapping[str, float]) -> Device:

@@ -1,4 +1,4 @@
-"""What theory says over a plane: the linear boundary, and what describing functions add to it."""
+"""Theory over a plane: the linear boundary, and the boundaries of describing functions."""
 
 import math
 from dataclasses import dataclass
@@ -63,10 +63,10 @@ class Line:
 def describing_lines(plane: Plane, points: int = LINE_POINTS) -> list[Line]:
     """Return the boundaries that describing functions predict in a plane with K on an axis.
 
-    friction: runs that start above the line grow, those below it come to rest. quantiser: above the
-    line an oscillation can sustain itself. A line is returned only where its nonlinearity is the
-    only one: neither theory covers an encoder step together with friction, a command limit that
-    is reached, or a one-sided wall.
+    friction: walls above the line grow, walls below it come to rest. quantiser: above the line an
+    oscillation can sustain itself. A line is returned only if its nonlinearity is the only one:
+    neither theory covers an encoder step together with friction, a command limit that is reached,
+    or a one-sided wall.
     """
     axes = (plane.x, plane.y)
     plain = plane.trial.law.linear and not plane.one_sided and has_theory(plane.device)
@@ -119,7 +119,7 @@ def _critical(plane: Plane, name: str, quantity: Quantity, value: float) -> floa
 
 
 def cycle_at_the_limit(plane: Plane, x: float, y: float) -> PredictedCycle | None:
-    """Return the cycle that a limit alone makes of growth at a point, by describing function."""
+    """Return the cycle that the command limit alone makes at a point, by describing function."""
     values = {plane.x.quantity: x, plane.y.quantity: y}
     at, device = plane.at(values), plane.device_at(values)
     alone = not device.physics and not device.interface.command_step and not at["encoder_step"]

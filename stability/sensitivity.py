@@ -1,9 +1,9 @@
-"""How much the top of a boundary moves with each parameter of eq. (1).
+"""How far the top of a boundary moves with each parameter of eq. (1).
 
 Relative sensitivity of a quantity q to a parameter p: d ln q / d ln p, by a central difference over
-`STEP` of the parameter, each top found anew to rounding. Limit: the top is a corner where two
-branches cross, which moves smoothly as long as the same two cross; a third one taking over inside
-the step would show as a jump, not as a slope.
+`STEP` of the parameter, each top found to rounding precision. Limit: the top is a corner where two
+branches cross. It moves smoothly as long as the same two cross; if a third takes over within the
+step, the result is a jump, not a slope.
 """
 
 from dataclasses import replace

@@ -1,9 +1,10 @@
-"""A plane of fates computed coarse to fine, for somebody who looks on.
+"""A plane of fates computed from coarse to fine, for interactive display.
 
-A lattice of 161 points a side. First every 16th point is run; then every 4th along changes of fate,
-so that a picture of 41 x 41 is right in its fates; then all of those, for what varies inside one
-fate; then the changes of fate again, down to single points. Between chunks of work the caller may
-stop, or draw what there is: points that were not run take their values from a corner of their cell.
+The lattice has 161 points a side. First every 16th point is run; then every 4th along changes of
+fate, so that a picture of 41 x 41 points has the right fates; then all other points of that
+picture, for quantities that vary within one fate; then the changes of fate again, down to single
+points. Between chunks of work the caller may stop, or draw the plane so far: points that were not
+run take their values from a corner of their cell.
 """
 
 import time
@@ -21,7 +22,7 @@ from zwidth.stability.plane import Floats, Plane
 COARSE, MIDDLE_LEVELS, FINE_LEVELS = 11, 2, 2
 LEVELS = MIDDLE_LEVELS + FINE_LEVELS
 MIDDLE_STRIDE = 2**FINE_LEVELS
-CHUNK_S = 0.06  # [s] of work after which the caller has its turn
+CHUNK_S = 0.06  # [s] of work between two results
 FEWEST, MOST = 64, 2048  # points in a chunk
 
 Points = NDArray[np.int64]
@@ -29,9 +30,9 @@ Points = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Sketch:
-    """A plane on its way. x, y: lattice values (n,); fates, flat, -1 where not run.
+    """A plane in progress. x, y: lattice values (n,); fates, flat, -1 where not run.
 
-    middle: whether every point of the 41 x 41 lattice was run; finished: whether nothing is left.
+    middle: whether every point of the 41 x 41 lattice was run; finished: whether no point is left.
     """
 
     plane: Plane
@@ -47,7 +48,7 @@ class Sketch:
         return int((self.fates.fate >= 0).sum())
 
     def filled(self) -> FateMap:
-        """Return the map as far as it is known."""
+        """Return the map so far."""
         shape = (self.y.size, self.x.size)
         run = self.fates.fate.reshape(shape) >= 0
         grids = [
@@ -60,8 +61,8 @@ class Sketch:
 def sketch(plane: Plane, workers: int | None = None) -> Iterator[Sketch]:
     """Yield the plane after every chunk of work; the last one is finished.
 
-    All share one set of fates, which the work in between fills. The points that are run in the end
-    depend on their fates only, not on time.
+    All results share one set of fates, filled by the work in between. Which points are run depends
+    only on the fates, not on time.
     """
     size = side(COARSE, LEVELS)
     x, y = plane.x.values(size), plane.y.values(size)
@@ -72,7 +73,7 @@ def sketch(plane: Plane, workers: int | None = None) -> Iterator[Sketch]:
         while first < points.size:
             some = points[first : first + chunk]
             began = time.perf_counter()
-            with np.errstate(over="ignore"):  # of what grows without end
+            with np.errstate(over="ignore"):  # of runs that grow without end
                 fates.put(some, evaluate(plane, x[some % size], y[some // size], workers))
             took = time.perf_counter() - began
             chunk = int(np.clip(some.size * CHUNK_S / max(took, 1e-6), FEWEST, MOST))

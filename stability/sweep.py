@@ -1,17 +1,17 @@
-"""The Z-width over one setting of the interface, and the setting at which it is widest.
+"""The Z-width over one setting of the interface, and the value at which it is widest.
 
-The Z-width is the area of stable walls in the plane of damping B and stiffness K: what lies under
+The Z-width is the area of stable walls in the plane of damping B and stiffness K: the area under
 the boundary K_CR(B), from B = 0 to the last B with a stable wall. Over the cut-off of the velocity
 filter it has a maximum: a low cut-off delays the damping force, a high one lets the encoder's steps
 and the device's fast modes through (V. Chawda, O. Celik, M. K. O'Malley, A method for selecting
 velocity filter cut-off frequency for maximizing impedance width performance in haptic interfaces,
-J. Dynamic Systems, Measurement, and Control 137, 024503, 2015, who found it by simulation as is
-done here and confirmed it on a device).
+J. Dynamic Systems, Measurement, and Control 137, 024503, 2015, who found this by simulation, as
+here, and confirmed it on a device).
 
-Every setting has a grid of dampings of its own, up to a little beyond the last B that linear theory
-calls stable; the area is that of the trapezoids between them, in the time domain and by theory.
+Each value has its own grid of dampings, up to a little beyond the last B that is stable by linear
+theory; the area is computed by trapezoids, in the time domain and by theory.
 
-Limits: with friction a wall may hold beyond the grid; the area then ends there.
+Limits: with friction walls beyond the grid may be stable; the area leaves them out.
 """
 
 import math
@@ -33,14 +33,14 @@ from zwidth.stability.linear import has_theory, known_boundary, last_stable_damp
 Floats = NDArray[np.float64]
 Setting = Literal["cutoff", "period", "delay", "encoder_step", "velocity_ticks", "position_ticks"]
 DAMPINGS = 21
-BEYOND = 1.1  # of the last stable B, where a grid of dampings ends
+BEYOND = 1.1  # end of a grid of dampings, over the last stable B
 ROUNDS = 2  # of refinement around the best
 TOLERANCE = 5e-3
 WHOLE: tuple[Setting, ...] = ("velocity_ticks", "position_ticks")
 
 
 class Swept(NamedTuple):
-    """A setting: the field of the interface, its unit, and the values that it has by default."""
+    """A setting: its field in the interface, its unit, and the default values of a sweep."""
 
     field: str
     unit: str
@@ -48,7 +48,7 @@ class Swept(NamedTuple):
 
 
 def _cutoffs(device: Device) -> Floats:
-    """From 5 Hz to half the rate of the estimates."""
+    """Cut-off frequencies from 5 Hz to half the rate of the estimates."""
     return np.geomspace(5.0, 0.5 / device.interface.velocity_period, 13)
 
 
@@ -123,7 +123,7 @@ class Sweep(Shown):
 
     @cached_property
     def best_by_theory(self) -> Step | None:
-        """The step with the widest Z-width by linear theory, None where there is none."""
+        """The step with the widest Z-width by linear theory, None if that does not apply."""
         if not has_theory(self.device):
             return None
         return max(self.steps, key=lambda step: step.linear_area)
@@ -136,7 +136,7 @@ class Sweep(Shown):
 
     @property
     def without(self) -> Step | None:
-        """The step that leaves the setting as it is on the device, if that was tried."""
+        """The step with the device's own value of the setting, None if that was not tried."""
         own = getattr(self.device.interface, SWEPT[self.setting].field)
         return next((step for step in self.steps if step.value == own), None)
 
@@ -154,9 +154,9 @@ def sweep(
 ) -> Sweep:
     """Find the Z-width of a device over one setting of its interface.
 
-    values: of the setting, by default its usual range; the device's own is tried as well. dampings:
-    how many a boundary has. rounds: how often two more values are tried beside the best, of a
-    setting that is not a whole number. progress: called with boundaries done and planned.
+    values: of the setting, by default its usual range; the device's own value is always tried too.
+    dampings: how many per boundary. rounds: how many times two more values are tried beside the
+    best, unless the setting is a whole number. progress: called with boundaries done and planned.
 
     Raises ValueError for an unknown setting, a value that the interface does not take, or a device
     that has no stable wall at any value.
@@ -193,7 +193,7 @@ def sweep(
 
 
 def _beside(best: float, known: Floats) -> Floats:
-    """Return what lies halfway from the best value to its neighbours."""
+    """Return the values halfway between the best and its neighbours."""
     place = int(np.searchsorted(known, best))
     near = [known[i] for i in (place - 1, place + 1) if 0 <= i < known.size]
     ratios = best > 0.0 and math.isfinite(best)

@@ -1,22 +1,23 @@
-"""Why a boundary is no higher than its top, and what friction and steps make of it there.
+"""What limits a boundary at its top, and how friction and steps change its height there.
 
-A wall presses back late: its spring by the hold's half sample and the delay, its damper by the half
-sample of the backward difference and the filter besides. As angles at the frequency of the
+The force of a wall is late: its spring by half a sample of the hold and the delay, its damper also
+by half a sample of the backward difference and by the filter. As phase lags at the frequency of the
 oscillation in which the boundary ends,
 
     spring  360 f (T/2 + t_d)        damper  360 f (T + t_d) - arg(filter and estimator)
 
-in degrees; where there are two rates, with every how long a new position and a new velocity come in
-place of T. A spring that is late by phi takes damping away, K sin(phi) / w; a damper that is late
-by more than 90 degrees drives what it is to damp. Which mode it is, `branches.py` follows from the
-device without a wall.
+in degrees; with two rates, T is the interval between new positions for the spring and between new
+velocities for the damper. A spring that lags by phi takes away the damping K sin(phi) / w; a damper
+that lags by more than 90 degrees drives the motion. `branches.py` identifies the mode by following
+it from the device without a wall.
 
-What friction adds and what steps take is the difference to the boundary of the same device without
-them, at the same B, from the same starts.
+The contribution of friction or of steps is the difference to the boundary of the same device
+without them, at the same B, from the same starts.
 
 Limits: modes are those of linear theory, of one rate and without force feedback; friction, play and
 limits may end a boundary elsewhere, in another oscillation, which has no mode's name. An estimator
-that is not linear has no angle, and is set to the encoder's step: nothing is said of it without.
+that is not linear has no phase lag and is tuned to the encoder's step, so it is not compared
+without the step.
 """
 
 import math
@@ -34,7 +35,7 @@ from zwidth.stability.judging import Trial
 from zwidth.stability.linear import corner, critical_stiffness, has_theory
 from zwidth.stability.velocity import filter_response
 
-BESIDE = 0.03  # of the top's B: where the two sides of it are looked at
+BESIDE = 0.03  # distance of the two sides of the top from its B, over that B
 CLOSE = 1e-3  # of the B of the linear corner, where that is the top
 
 
@@ -53,7 +54,7 @@ class Ending:
 
 
 def ending(device: Device, damping: float) -> Ending | None:
-    """Return the oscillation in which the linear boundary ends at B, None where it has none."""
+    """Return the oscillation in which the linear boundary ends at B; None if it is unknown."""
     face = device.interface
     if not has_theory(device) or face.multirate or face.force_gain > 0.0:
         return None
@@ -62,14 +63,14 @@ def ending(device: Device, damping: float) -> Ending | None:
     if mode is None or point.frequency_hz is None:
         return None
     spring, damper = lags(face, point.frequency_hz)
-    assert damper is not None  # there is a theory
+    assert damper is not None  # linear theory applies
     return Ending(float(damping), mode, float(point.frequency_hz), spring, damper)
 
 
 def lags(face: Interface, frequency_hz: float) -> tuple[float, float | None]:
-    """Return by how many degrees a wall's spring and damper are late at a frequency [Hz].
+    """Return the phase lags [deg] of a wall's spring and damper at a frequency [Hz].
 
-    The damper's is None where the velocity's estimator is not linear.
+    The damper's lag is None if the velocity estimator is not linear.
     """
     turn, held = 360.0 * frequency_hz, face.period * face.position_ticks
     spring = turn * (0.5 * held + face.delay)
@@ -81,7 +82,7 @@ def lags(face: Interface, frequency_hz: float) -> tuple[float, float | None]:
 
 
 def endings(boundary: Boundary) -> list[Ending]:
-    """Return the oscillation at the top, or the two on either side of it where they differ."""
+    """Return the oscillation at the top, or those on either side of it if they differ."""
     top = boundary.top
     if top is None:
         return []
@@ -93,7 +94,7 @@ def endings(boundary: Boundary) -> list[Ending]:
     very = corner(boundary.device) if len(known) == 2 else None
     if very is None or abs(very.damping - top.damping) > BESIDE * top.damping:
         return known
-    # The two meet at the corner: their frequencies are said as they are there.
+    # The two branches meet at the corner: their frequencies are computed beside it.
     near = [ending(boundary.device, (1.0 + s * CLOSE) * very.damping) for s in (-1.0, 1.0)]
     return [one or far for one, far in zip(near, known, strict=True)]
 
@@ -126,9 +127,9 @@ PARTS: dict[str, Callable[[Device], Device]] = {
 
 
 def without_parts(boundary: Boundary, trial: Trial, search: Search) -> dict[str, float | None]:
-    """Return, for each part that the device has, the stable K at the top's B without it.
+    """Return, for each part that the device has, the stable K at the top's B without that part.
 
-    None where no K is stable there.
+    None if no K is stable without it.
     """
     top, device = boundary.top, boundary.device
     if top is None:

@@ -10,7 +10,7 @@ class LinearPoint(Valued):
     """The end of the stable stiffness that begins at K = 0, for one virtual damping B.
 
     damping B [N m s/rad | N s/m]. stiffness [N m/rad | N/m]: where the first eigenvalue leaves the
-    unit circle; None where the loop is unstable however small K is. frequency_hz: the ultimate
+    unit circle; None if the loop is unstable however small K is. frequency_hz: the ultimate
     frequency. departure: how fast the growth rate [1/s] of that eigenvalue rises with K.
     """
 
@@ -41,7 +41,7 @@ class Corner(Valued):
 
 @dataclass(frozen=True)
 class PassivePoint(Valued):
-    """The largest passive stiffness at a virtual damping B, None where no K > 0 is passive.
+    """The largest passive stiffness at a virtual damping B, None if no K > 0 is passive.
 
     frequency_hz: where the criterion is met first; 0 for the limit of low frequency.
     """

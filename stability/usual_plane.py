@@ -1,4 +1,4 @@
-"""The plane and the axes that a map has where nothing else is asked for."""
+"""The default plane and axes of a map."""
 
 from zwidth.sim.device import Device
 from zwidth.sim.equations import enough_substeps
@@ -10,15 +10,15 @@ CUSTOMARY = {
     "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
     "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1), "cutoff": (5.0, 500.0),
 }  # fmt: skip
-RISING_BY_RATIOS = ("amplitude", "cutoff")  # where no range is given
-SUBSTEPS = 10  # a tick, with friction or other physics
+RISING_BY_RATIOS = ("amplitude", "cutoff")  # ranges used by default
+SUBSTEPS = 10  # per tick, with friction or other physics
 LIMIT_S = 16.0  # of the longest run
 
 
 def usual_axis(device: Device, quantity: Quantity, ratios: bool = False) -> Axis:
-    """Return an axis around the linear boundary, or of the customary range of its quantity.
+    """Return an axis around the linear boundary, or over the customary range of its quantity.
 
-    ratios: in equal ratios, where it would rise evenly.
+    ratios: space the values by equal ratios even if the default is evenly.
     """
     if quantity == "B":
         low, high = 0.0, 1.2 * (last_stable_damping(stand_in(device)) or 0.1)
@@ -34,7 +34,7 @@ def usual_axis(device: Device, quantity: Quantity, ratios: bool = False) -> Axis
 
 
 def usual_plane(device: Device) -> Plane:
-    """Return stiffness over damping around the linear boundary of a device."""
+    """Return the plane of stiffness over damping around the linear boundary of a device."""
     substeps = enough_substeps(device, SUBSTEPS if device.physics else 1)
     trial = Trial(limit_s=LIMIT_S, substeps=substeps)
     return Plane(device, usual_axis(device, "B"), usual_axis(device, "K"), trial=trial)

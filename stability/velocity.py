@@ -1,12 +1,12 @@
-"""What the velocity estimate makes of a motion: its response in z.
+"""The response of the velocity estimate to a motion, in z.
 
 With q = 1/z, the weights (a, b, c, d) of the filter (`Interface.velocity_filter`), and the response
 E of the estimator over the backward difference (`sim/estimators`),
 
     v (1 - q + q G) = G E (1 - q) y / T,    G = a + b c q / (1 - d q).
 
-Limits: one rate; an estimate every so many ticks is no function of z alone, and no estimate whose
-gain depends on the motion.
+Limits: one rate only, since an estimate made every few ticks is not a function of z alone; linear
+estimators only, since the gain of any other depends on the motion.
 """
 
 import numpy as np
@@ -42,6 +42,6 @@ def refuse_force(device: Device, what: str) -> None:
     """Raise ValueError for a device with force feedback, which `what` does not include."""
     if device.interface.force_gain > 0.0:
         raise ValueError(
-            f"force_gain is {device.interface.force_gain:g}, and {what} takes no force feedback:"
+            f"force_gain is {device.interface.force_gain:g}, but {what} takes no force feedback:"
             " set it to 0, or use the linear boundary"
         )

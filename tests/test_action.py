@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,6 +16,7 @@ import pytest
 from test_check import banded, bench, heavier, recorded, write_csv
 
 from zwidth.sim.device_file import save_device
+from zwidth.sim.jit import cache_folder
 
 yaml = pytest.importorskip("yaml", reason="PyYAML, which mkdocs brings, is not installed")
 ACTION = Path(__file__).parents[1] / "action" / "action.yml"
@@ -28,14 +30,21 @@ def _of(known: Mapping[str, str | None]) -> Callable[[re.Match[str]], str]:
     return lambda found: str(known[found.group(1)])
 
 
-def step(name: str, given: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a step with these inputs, as a runner does: expressions in `env`, bash -e -o pipefail."""
+def step(
+    name: str, given: dict[str, str], folder: Path, kernels: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a step with these inputs, as a runner does: expressions in `env`, bash -e -o pipefail.
+
+    kernels: the folder that the step "Kernels" gives, by default that of these tests.
+    """
     action: Any = yaml.safe_load(ACTION.read_text())
     inputs = {key: given.get(key, own.get("default", "")) for key, own in action["inputs"].items()}
     (own,) = (s for s in action["runs"]["steps"] if s["name"] == name)
     assert "${{" not in own["run"]  # an input in the text of a script would be run as one
     known = {f"inputs.{k}": v for k, v in inputs.items()} | {
-        "github.action_path": str(ACTION.parent)
+        "github.action_path": str(ACTION.parent),
+        "runner.os": "Linux",
+        "steps.kernels.outputs.folder": str(kernels or cache_folder().parents[1]),
     }
     env = {
         key: re.sub(r"\$\{\{ *([\w.]+) *\}\}", _of(known), value)
@@ -51,7 +60,7 @@ def step(name: str, given: dict[str, str], folder: Path) -> subprocess.Completed
     }
     return subprocess.run(
         ["bash", "-e", "-o", "pipefail", "-c", own["run"]], cwd=folder, check=False,
-        env=os.environ | runner | env, capture_output=True, text=True, timeout=120,
+        env=os.environ | runner | env, capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
 
 
@@ -96,6 +105,51 @@ def test_bad_input_fails_with_status_2(rig: Path):
     done = step("Check", {"device": "bench.toml", "logs": "none/*.csv"}, rig)
     assert done.returncode == 2
     assert "no recording matches" in done.stderr
+
+
+def outputs(folder: Path) -> dict[str, str]:
+    """What the steps have given so far."""
+    lines = (folder / "output").read_text().splitlines()
+    return {key: value for key, _, value in (line.partition("=") for line in lines)}
+
+
+def test_kernels_are_cached_by_system_python_version_and_source(rig: Path):
+    """Mutations: the version or the processor left out of the key; another folder cached."""
+    action: Any = yaml.safe_load(ACTION.read_text())
+    steps = action["runs"]["steps"]
+    assert [s["name"] for s in steps] == ["Install", "Kernels", "Cache", "Check"]
+    cache = steps[2]
+    assert cache["uses"] == "actions/cache@v4"
+    assert cache["with"] == {
+        "path": "${{ steps.kernels.outputs.folder }}",
+        "key": "${{ steps.kernels.outputs.key }}",
+    }
+    assert steps[3]["env"]["ZWIDTH_CACHE_DIR"] == cache["with"]["path"]
+    assert steps[1]["id"] == "kernels"
+    done = step("Kernels", {}, rig)
+    assert done.returncode == 0, done.stderr
+    said = outputs(rig)
+    assert said["folder"] == str(rig / "temp" / "zwidth-kernels")
+    python = ".".join(map(str, sys.version_info[:3]))
+    assert said["key"].startswith(f"zwidth-Linux-{python}-{version('zwidth')}-")
+    assert said["key"].endswith(cache_folder().name)
+
+
+@pytest.mark.truth
+def test_the_first_check_compiles_into_the_cached_folder_and_the_second_does_not(rig: Path):
+    """Slow: minutes. It runs the simulation's compiler as a runner's first job does."""
+    assert step("Kernels", {}, rig).returncode == 0
+    folder = Path(outputs(rig)["folder"])
+    given = {"device": "bench.toml", "logs": "logs/monday.csv"}
+    first = step("Check", given, rig, folder)
+    assert first.returncode == 0, first.stderr
+    assert "compiling the simulation into" in first.stderr
+    kept = {f: f.stat().st_mtime for f in folder.rglob("*.nbc")}
+    assert kept
+    again = step("Check", given, rig, folder)
+    assert again.returncode == 0, again.stderr
+    assert "compiling" not in again.stderr
+    assert {f: f.stat().st_mtime for f in folder.rglob("*.nbc")} == kept
 
 
 def test_an_input_is_never_run_as_a_command(rig: Path):

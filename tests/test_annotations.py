@@ -69,7 +69,7 @@ def test_what_cannot_be_written_is_said(tmp_path: Path):
     """Mutation: any of the checks left out."""
     for wrong, said in (
         ((LATE._replace(end=0.1),), "ends at 0.1 s, before it begins at 0.25 s"),
-        ((LATE._replace(severity="fatal"),), "'fatal', not one of info, warning, error"),  # pyright: ignore[reportArgumentType]
+        ((LATE._replace(severity="fatal"),), "'fatal'; it must be one of info, warning, error"),  # pyright: ignore[reportArgumentType]
         ((LATE, LATE), "two annotations are called mark_2"),
     ):
         with pytest.raises(LogBlockError, match=said):

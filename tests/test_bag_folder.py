@@ -207,7 +207,7 @@ def test_what_cannot_be_unpacked_is_a_sentence(tmp_path: Path, monkeypatch: pyte
     (file,) = folder.glob("*.zstd")
     with monkeypatch.context() as patch:
         patch.setattr("zwidth.logs.bag_folder.MOST_BYTES", 1000)
-        with pytest.raises(RecordingError, match="unpacks to more than 0 GiB"):
+        with pytest.raises(RecordingError, match="unpacks to more than 0 MiB"):
             read_bag(folder)
     file.write_bytes(file.read_bytes()[:5000] + b"x" * 100)
     with pytest.raises(RecordingError, match=r"db3\.zstd cannot be unpacked"):

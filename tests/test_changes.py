@@ -159,7 +159,7 @@ def test_a_recording_says_what_was_different_of_its_device(tmp_path: Path) -> No
     [
         ("masses = [0.8]", CART, "device.masses of the recording has 1 entries; the device has 2"),
         ("masses = [0.8, -1.0]", CART, r"\[device\] of the recording: masses contains -1"),
-        ("command_limit = 0.0", CART, "interface.command_limit is 0.0; allowed is > 0"),
+        ("command_limit = 0.0", CART, "interface.command_limit is 0.0; it must be > 0"),
         ("masses = [1.0]", phantom(), "describes modes"),
         (
             '[[device.physics]]\neffect = "gravity_pendulum"\nat = "m1"\nlevel = 1.0',
@@ -208,7 +208,7 @@ def test_what_a_run_adds_to_an_effect_that_is_to_be_found_is_put_on_whatever_is_
     ("own", "says"),
     [
         ({"at": "m1", "more": {"levle": 1.0}}, "levle.*did you mean 'level'"),
-        ({"at": "m1", "times": {"level": 0.0}}, "level of the recording is 0; allowed is a number"),
+        ({"at": "m1", "times": {"level": 0.0}}, "level of the recording is 0; it must be a number"),
         (
             {"at": "m1", "times": {"level": 2.0}, "more": {"level": 2.0}},
             "both as times and as more",

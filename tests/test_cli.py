@@ -80,7 +80,7 @@ def test_every_command_file_is_a_command():
         ("device", "no such command 'device'; did you mean 'devices'?"),
         ("qwertz", "no such command 'qwertz'; see 'zwidth --help'"),
         ("devices --pasive", "no such option '--pasive'; did you mean '--passive'?"),
-        ("devices --save x", "--passive and --out need a DEVICE, give its name or file; see"),
+        ("devices --save x", "--passive and --out need a DEVICE; give its name or file; see"),
         ("devices phantom_1", "'phantom_1' is neither a file nor a shipped device; did you mean"),
         ("devices a b", "got unexpected extra argument (b); see 'zwidth devices --help'"),
     ],

@@ -268,7 +268,7 @@ def test_what_a_task_raises_is_raised_here(two: Any) -> None:
 
 @posix
 def test_a_task_that_kills_every_worker_is_named(two: Any) -> None:
-    says = "4 workers died in 'a'; check the memory"
+    says = "4 workers died while computing 'a'; they may need more memory"
     with (
         Cluster(two.scheduler_address, PATIENCE) as runner,
         pytest.raises(ChildProcessError, match=says),
@@ -279,7 +279,7 @@ def test_a_task_that_kills_every_worker_is_named(two: Any) -> None:
 def test_workers_with_other_code_are_refused(two: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Mutation: digests not compared."""
     monkeypatch.setattr(cluster, "code_digest", lambda _: "other")
-    says = r"runs other code than this program .*, not other"
+    says = r"runs different code from this program .*, not other"
     with Cluster(two.scheduler_address, PATIENCE) as runner, pytest.raises(ValueError, match=says):
         list(runner.run(square, {"a": 1}))
 

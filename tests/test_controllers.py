@@ -137,7 +137,7 @@ def test_parameters_are_one_row() -> None:
         user_controller(sine, np.array([1.0, np.nan]))
     with pytest.raises(ValueError, match=r"memory is 0"):
         user_controller(sine, np.ones(2), memory=0)
-    with pytest.raises(ValueError, match="one value per tick"):
+    with pytest.raises(ValueError, match="one value for each tick"):
         recorded(np.ones((2, 2)))
     with pytest.raises(ValueError, match=r"stiffness is nan"):
         wall(math.nan, 0.0)

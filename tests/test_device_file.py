@@ -220,19 +220,19 @@ def test_effects_of_the_interface_are_merged_into_it() -> None:
         ("m_kgm2 = 0.001168", "m_kgm2 =", "this is not TOML: Invalid value (at line 7, column 9)"),
         ("0.001168", "nan", "modal.m_kgm2 is nan; it must be > 0"),
         ("0.001168", "0", "modal.m_kgm2 is 0; it must be > 0"),
-        ("0.001168", '"a"', "modal.m_kgm2 is 'a'; allowed is a number"),
-        ("0.001168", "true", "modal.m_kgm2 is True; allowed is a number"),
+        ("0.001168", '"a"', "modal.m_kgm2 is 'a'; it must be a number"),
+        ("0.001168", "true", "modal.m_kgm2 is True; it must be a number"),
         ("0.001168", "1" + 400 * "0", "modal.m_kgm2 is too large"),
         ("1159.31", "inf", "modal.mode[1].omega_rad_s is inf; it must be > 0 and finite"),
         ("b_nms_per_rad = 0.00584\n", "", "modal.b_nms_per_rad is missing; add it"),
         ("[[modal.mode]]", "[modal.mode]", "this is not TOML"),
         ("[modal]", "[[modal]]", "modal is [{"),
-        ("delay_s = 0.002", "delay_s = -0.002", "interface.delay_s is -0.002; allowed is >= 0"),
-        ('"nearest"', '"up"', "interface.encoder_rounding is up; allowed is 'nearest'"),
+        ("delay_s = 0.002", "delay_s = -0.002", "interface.delay_s is -0.002; it must be >= 0"),
+        ('"nearest"', '"up"', "interface.encoder_rounding is up; it must be 'nearest'"),
         ("schema = 1", "schema = 2", "schema is 2; this version reads 1"),
-        ("rotary = true", "rotary = 1", "rotary is 1; allowed is true or false"),
+        ("rotary = true", "rotary = 1", "rotary is 1; it must be true or false"),
         ("rotary = true\n", "", "rotary is missing; add it"),
-        ("[interface]", "[chain]\n[interface]", "both [modal] and [chain] stand in the file"),
+        ("[interface]", "[chain]\n[interface]", "both [modal] and [chain] are in the file"),
         ('"PHANToM 1.0, phi axis"', '" "', "name is empty"),
     ],
 )
@@ -250,8 +250,8 @@ def test_a_bad_file_says_what_to_change(old: str, new: str, sentence: str) -> No
         ("masses = [1.5, 2]", "masses = [0.0, 2]", "chain.masses contains 0; only values > 0"),
         ("masses = [1.5, 2]", "masses = [-1, 2]", "chain.masses contains -1; only values > 0"),
         ("masses = [1.5, 2]", "masses = [nan, 2]", "chain.masses contains nan; only finite"),
-        ("masses = [1.5, 2]", "masses = 1", "chain.masses is 1; allowed is a list of numbers"),
-        ("masses = [1.5, 2]", 'masses = ["a"]', "chain.masses[0] is 'a'; allowed is a number"),
+        ("masses = [1.5, 2]", "masses = 1", "chain.masses is 1; it must be a list of numbers"),
+        ("masses = [1.5, 2]", 'masses = ["a"]', "chain.masses[0] is 'a'; it must be a number"),
         ("link_springs = [300.0]", "", "chain.link_springs has 0 entries; 2 masses need 1"),
         ("[chain]", "[chain]\nground_spring = -1", "chain.ground_spring is -1; it must be >= 0"),
         ("[chain]", "[chian]", "unknown key 'chian'; did you mean 'chain'?"),
@@ -266,11 +266,19 @@ def test_a_bad_chain_says_what_to_change(old: str, new: str, sentence: str) -> N
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("[1.5, 2]", "[1e300, 2]", "chain.masses contains 1e+300; allowed is 1e-18 to 1e+12"),
-        ("[1.5, 2]", "[1e-300, 2]", "chain.masses contains 1e-300; allowed is 1e-18 to 1e+12"),
-        ("[300.0]", "[1e20]", "chain.link_springs contains 1e+20; allowed is"),
-        ("[0.2]", "[-1e20]", "chain.link_dampers contains -1e+20; allowed is 0 to 1e+12"),
-        ("[chain]", "[interface]\nperiod_s = 1e-12\n[chain]", "interface.period_s is 1e-12; allow"),
+        (
+            "[1.5, 2]",
+            "[1e300, 2]",
+            "chain.masses contains 1e+300; the allowed range is 1e-18 to 1e+12",
+        ),
+        (
+            "[1.5, 2]",
+            "[1e-300, 2]",
+            "chain.masses contains 1e-300; the allowed range is 1e-18 to 1e+12",
+        ),
+        ("[300.0]", "[1e20]", "chain.link_springs contains 1e+20; the allowed range is"),
+        ("[0.2]", "[-1e20]", "chain.link_dampers contains -1e+20; the allowed range is 0 to 1e+12"),
+        ("[chain]", "[interface]\nperiod_s = 1e-12\n[chain]", "interface.period_s is 1e-12; it"),
         ("[chain]", "[interface]\ncommand_gain = 1e30\n[chain]", "interface.command_gain is 1e+30"),
     ],
 )
@@ -320,7 +328,7 @@ def test_an_effect_twice_at_one_place_is_refused() -> None:
 def test_a_device_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="neither a file nor a shipped device; did you mean"):
         load_device("phantom_1_1")
-    with pytest.raises(DeviceError, match="is a folder; name a device file in it"):
+    with pytest.raises(DeviceError, match="is a folder; give a device file in it"):
         load_device(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(DeviceError, match="cannot be read as text"):

@@ -274,12 +274,12 @@ def test_a_device_that_needs_none_of_it_is_written_as_before():
     [
         ("command_gain", 0.0, "> 0 and finite"),
         ("command_gain", np.inf, "> 0 and finite"),
-        ("position_origin", np.nan, "any finite number"),
+        ("position_origin", np.nan, "a finite number"),
         ("command_hold", "first_order", "'zero_order' or 'smooth'"),
     ],
 )
 def test_what_is_not_allowed_is_named(field: str, value: object, allowed: str):
     """Mutation: a check left out."""
-    with pytest.raises(ValueError, match=f"interface.{field} is {value}; allowed is") as error:
+    with pytest.raises(ValueError, match=f"interface.{field} is {value}; it must be") as error:
         Interface(**{field: value})  # pyright: ignore[reportArgumentType]
     assert allowed in str(error.value)

@@ -14,6 +14,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import zwidth.diagnose_files
 from tests.diagnosis_examples import record
+from tests.foxglove_layout import OF_A_DIAGNOSIS, assert_shown
 from zwidth.cli import run
 from zwidth.diagnosis.answer.result import Diagnosis, Estimate
 from zwidth.logs.mcap_reader import read_log
@@ -45,7 +46,7 @@ MOTOR = Device("motor", "", True, make_chain([1.2e-3], [6e-3]), Interface(period
 # What is said where the device file leaves the command's scale open, and only there.
 SCALE = (
     "the command's scale: 0.938 (0.920 to 0.950);"
-    " forces, masses, springs and dampers all scale with it"
+    " forces, masses, springs and dampers are all proportional to this scale"
 )
 
 
@@ -116,8 +117,10 @@ def _what_a_viewer_shows(log: Path, result: dict[str, Any]) -> None:
     """Measured, before and after on one clock, and what was found over the stretch that it is of.
 
     Mutations that break it: the refitted device in place of the device file's; held-out data marked
-    from the recording's first sample.
+    from the recording's first sample; a path of the layout for Foxglove misspelt.
     """
+    topics = assert_shown(log, OF_A_DIAGNOSIS)
+    assert topics == {"/tick", "/annotations", "/annotations_text"}
     tick, period = read_log(log).tick, 0.001
     free = {word: tick[f"{word}_free_position_m1"] for word in ("before", "refit", "found")}
     off = {word: np.nanstd(run - tick["position_m1"]) for word, run in free.items()}
@@ -131,7 +134,7 @@ def _what_a_viewer_shows(log: Path, result: dict[str, Any]) -> None:
     (friction,) = (n for n, t in texts.items() if t.startswith("missing: Coulomb friction at the"))
     assert told[friction].level == 3  # a warning
     assert np.all(tick[friction] == 3.0)
-    (judges,) = (n for n, t in texts.items() if "judges it" in t)
+    (judges,) = (n for n, t in texts.items() if "to judge it" in t)
     lasts = tick.t[tick[judges] > 0.0]
     assert lasts[0] == pytest.approx(0.7 * tick.t[-1], abs=0.02)
     assert lasts[-1] == tick.t[-1]
@@ -180,13 +183,13 @@ def _what_else_it_may_say(
     line = ["diagnose", "swing.toml", "sub/swing.toml", "--device", "known.toml", "--out", "o"]
     assert run(line) == 130
     out, _ = capsys.readouterr()
-    assert "\ninterrupted, so only what was found until then: Coulomb friction of " in out
+    assert "\ninterrupted, so this is the result so far: Coulomb friction of " in out
     assert "augmented.toml\nthe command is multiplied by 0.938 in the augmented device" in out
     assert f"\n{SCALE}\n" in out
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
     page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
-    assert "<strong>Identified</strong>, interrupted, so only what was found until then. " in page
+    assert "<strong>Identified</strong>, interrupted, so this is the result so far. " in page
     assert "Coulomb friction at the motor</td>" in page
     assert '<td class="text">below 1 mN m</td>' in page
     assert '<td class="text">within 3e-7 of 1</td>' in page

@@ -85,7 +85,7 @@ def test_from_one_level_the_level_to_record_next_is_one_at_which_it_still_moves(
     assert told.level == pytest.approx(LEVEL)
     assert told.share == 0.5
     assert told.differs > 4.0 * told.now
-    assert "record the same at 25 mN m (0.5 times)" in told.sentence
+    assert "repeat the recording at 25 mN m (0.5 times the present level)" in told.sentence
     assert found.as_json()["next_level"]["share"] == 0.5
 
 
@@ -119,4 +119,6 @@ def test_an_answer_that_errs_more_than_its_rivals_differ_promises_no_name() -> N
     assert facts(0.04, 0.001).verdict is Verdict.UNDECIDED
     said = headline(facts(0.04, 0.001))
     assert said.startswith("Undecided: Coulomb friction of")
-    assert said.endswith("but so would other effects: record the same at 600 mN (0.3 times)")
+    assert said.endswith(
+        "so would other effects: repeat the recording at 600 mN (0.3 times the present level)"
+    )

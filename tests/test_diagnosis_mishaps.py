@@ -295,7 +295,7 @@ def test_a_search_that_fails_keeps_what_it_had(
     monkeypatch.setattr(zwidth.diagnosis.answer.stands, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
-    assert found.sentence.startswith("an error prevented a part of the search")
+    assert found.sentence.startswith("an internal error prevented a part of the search")
     assert [m.stage for m in found.errors] == ["search"]
     assert len(found.findings) == named
     assert all(f.effect.endswith("friction") for f in found.findings)
@@ -349,7 +349,7 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
     [
         ("next experiment", "planning.separating.separating", 0),
         ("boundary", "stability.augmented_boundary.augmented_boundary", 0),
-        ("picture", "figures.diagnosis.force_map_figure", 0),
+        ("picture", "figures.diagnosis.whole_run_figure", 0),
         ("picture", "figures.diagnosis.residual_figure", 0),
         ("picture", "figures.augmented_boundary.augmented_boundary_figure", 0),
         ("log", "diagnose_files.diagnosis_trace", 1),

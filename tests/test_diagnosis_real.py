@@ -139,7 +139,7 @@ def test_the_friction_of_the_paddle_yields_before_it_slides():
     bends = fitted(device, turned, rubs, weight)
     more = fitted(device, turned, rubs, weight, softer)
     assert against(bends, stiff).sigma > 15.0
-    assert not believed(more.cost, bends.cost)
+    assert not believed(more.cost, bends.cost, against(more, bends).phi)
     level = bends.model.effects_at(bends.x)[0].values["level"]
     assert 0.008 < level < 0.0169
 

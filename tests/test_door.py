@@ -122,7 +122,7 @@ def test_a_temperature_is_no_command_because_none_is_left(tmp_path: Path) -> Non
     found = taken(table(tmp_path, {"t": T, "angle": ANGLE, "temperature": 20.0 + T}))
     assert "[input]" not in found.text
     (doubt,) = (d for d in found.doubts if "seems to be a command" in d)
-    assert "temperature can be none" in doubt
+    assert "temperature cannot be one" in doubt
     assert "record its torque" in doubt
 
 

@@ -106,7 +106,7 @@ def test_what_follows_from_a_drive_is_what_is_written() -> None:
         ('kind = "voltage"\nmotor_constant = 0.1', "drive.resistance_ohm is missing"),
         (
             'kind = "voltage"\nmotor_constant = 0.1\nresistance_ohm = 0.0',
-            "drive.resistance_ohm is 0; allowed is a finite number above 0",
+            "drive.resistance_ohm is 0; it must be a finite number above 0",
         ),
         ('kind = "current"\nmotor_constant = 0.1\nsupply_v = 3', "give both, or neither"),
         ('kind = "current"\nmotor_constant = 0.1\ninductance_h = 3', "unknown key 'drive.ind"),

@@ -271,7 +271,7 @@ def test_a_recording_says_when_its_drive_was_on_and_what_supplied_it(tmp_path: P
     [
         ('[enable]\nsignal = "on"\nnominal = 1.0\n', "unknown key 'enable.nominal'"),
         ('[supply]\nsignal = "volts"\n', "supply.nominal is missing"),
-        ('[supply]\nsignal = "volts"\nnominal = 0.0\n', "supply.nominal is 0; allowed is a finite"),
+        ('[supply]\nsignal = "volts"\nnominal = 0.0\n', "supply.nominal is 0; it must be a finite"),
         ('[supply]\nsignal = "volts"\nunit = "deg"\nnominal = 1.0\n', "supply must be in V"),
     ],
 )
@@ -296,8 +296,8 @@ def test_keys_of_a_drive_that_cannot_be_are_refused():
     text += "resistance_ohm = 2.0\nsupply_v = 12.0\nproportional = 16.0\n"
     for wrong, says in (
         ('when_off = "opne"', "drive.when_off is 'opne'.*open"),
-        ("goal_rate = 0.0", "drive.goal_rate is 0; allowed is a number above 0"),
-        ("integral = -1.0", "drive.integral is -1; allowed is >= 0"),
+        ("goal_rate = 0.0", "drive.goal_rate is 0; it must be a number above 0"),
+        ("integral = -1.0", "drive.integral is -1; it must be >= 0"),
     ):
         with pytest.raises(DeviceError, match=says):
             device_from_text(text + wrong)

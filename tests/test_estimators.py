@@ -218,10 +218,13 @@ def test_a_device_file_holds_it(name: str) -> None:
         ({"velocity_estimator": "kalmann"}, "did you mean 'kalman'"),
         (
             {"velocity_noise": 0.0},
-            "velocity_noise is 0.0; with velocity_estimator 'kalman' allowed",
+            "velocity_noise is 0.0; with velocity_estimator 'kalman' it must be",
         ),
         ({"velocity_acceleration": math.inf}, "velocity_acceleration is inf"),
-        ({"velocity_window": 8}, "velocity_window is 8; with velocity_estimator 'kalman' allowed"),
+        (
+            {"velocity_window": 8},
+            "velocity_window is 8; with velocity_estimator 'kalman' it must be",
+        ),
         ({"velocity_estimator": "foaw", "velocity_window": 2.5}, "a whole number from 2 to 64"),
         ({"velocity_estimator": "difference"}, "velocity_noise is 6e-06"),
     ],

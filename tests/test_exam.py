@@ -386,7 +386,7 @@ def test_counts() -> None:
     assert counts(300)["none"] >= 100
     assert counts(0, "none=3, two_5x=1,none=1") == {"none": 4, "two_5x": 1}
     for text, sentence in (
-        ("nothing=3", "strata has 'nothing'; allowed is none, single_2x"),
+        ("nothing=3", "strata has 'nothing'; its classes are none, single_2x"),
         ("none=x", "strata has 'none=x'; give NAME=COUNT"),
     ):
         with pytest.raises(ValueError, match=sentence):

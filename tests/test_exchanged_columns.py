@@ -42,5 +42,5 @@ def test_each_signal_gets_the_place_that_it_moves_like(
         path, u = rig(tmp_path, order)
         trace, doubts = taken(path)
         np.testing.assert_allclose(trace["command"], factor * u, rtol=1e-6, atol=1e-9)
-        assert any("the other way round than their names say" in one for one in doubts) == said
+        assert any("are exchanged against their names" in one for one in doubts) == said
         assert trace.units == {"command": "N m", "position_m1": "rad"}

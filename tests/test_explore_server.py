@@ -149,7 +149,7 @@ def test_a_log_is_given_to_its_own_page_only_and_replays(port: int, tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("query", "said"),
-    [("", b"names no wall"), ("K=1", b"names no wall"), ("K=x&B=0", b"allowed is a number"),
+    [("", b"gives no wall"), ("K=1", b"gives no wall"), ("K=x&B=0", b"it must be a number"),
      ("K=1&B=0&colour=1", b"unknown part"), ("K=1&B=0&device=3", b"there are 1")],
 )  # fmt: skip
 def test_a_link_that_asks_for_nothing_is_refused_in_a_sentence(port: int, query: str, said: bytes):
@@ -411,6 +411,20 @@ def test_a_table_of_another_tool_is_taken_for_what_it_seems():
     assert any(line.startswith("assumed: no column seems to be time") for line in said)
 
 
+def test_the_page_says_how_a_dropped_file_is_read():
+    """Mutation: only the doubts are shown, and not which column and unit is what."""
+    session = Session(Document(), BENCH, View(), [])
+    try:
+        session.take(["data.csv"], [encoded(TABLE)])
+        page = session.page
+        assert page.read.visible
+        assert page.read.text.startswith("data.csv is read as ")
+        assert "command: " in page.read.text
+        assert page.trouble.text.startswith('<b style="color:#8b0000">assumed: no column seems')
+    finally:
+        session.close()
+
+
 @pytest.mark.parametrize("named", ["/etc/passwd", "../../../etc/passwd", "other.csv"])
 def test_a_dropped_description_opens_no_other_file(named: str):
     """Mutation: `_chosen` without its look at the names. A file of that name does exist."""
@@ -425,7 +439,7 @@ def test_a_dropped_description_opens_no_other_file(named: str):
         ([], [], "no file arrived"),
         (["run.csv"], ["!"], "did not arrive whole"),
         (["a.csv", "b.csv"], [encoded(TABLE)] * 2, "drop one recording"),
-        (["data.csv"], [encoded(UNNAMED)], "does not say which of"),
+        (["data.csv"], [encoded(UNNAMED)], "shows which of"),
         ([".."], [encoded(TABLE)], "is not a file name"),
     ],
 )

@@ -1,7 +1,8 @@
 """Devices for reinforcement learning: Isaac Lab, Newton, BAM, by their own code where it is here.
 
-Newton: pip install newton usd-core. BAM: pip install better-actuator-models, on Python 3.12. Isaac
-Lab's package needs Isaac Sim to run, but its sources say which fields a configuration has.
+Newton, and BAM on Python 3.12: pip install 'zwidth[simulators]'. Isaac Lab is not in this extra: 3.0
+pins torch and Newton 1.6, and 2.3 needs numpy 1. Its package needs Isaac Sim to run, but its
+sources say which fields a configuration has: pip install --no-deps isaaclab.
 """
 
 import ast
@@ -188,8 +189,8 @@ def test_a_servo_of_bam_is_a_device(tmp_path: Path):
         ({"model": "m7"}, "model of m6.json is 'm7'"),
         ({"model": None}, 'm6.json has no "model"'),
         ({"kt": None}, "m6.json has no number 'kt', which m6 needs"),
-        ({"kt": 0.0}, "kt of m6.json is 0; allowed is a finite number above 0"),
-        ({"friction_base": -1.0}, "friction_base of m6.json is -1; allowed is >= 0 and finite"),
+        ({"kt": 0.0}, "kt of m6.json is 0; it must be a finite number above 0"),
+        ({"friction_base": -1.0}, "friction_base of m6.json is -1; it must be >= 0 and finite"),
     ],
 )
 def test_a_servo_that_cannot_be_is_refused_in_a_sentence(

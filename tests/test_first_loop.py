@@ -146,5 +146,5 @@ def test_an_integral_time_stands_at_a_speed(tmp_path: Path) -> None:
         'file = "a.csv"\ntime = "t"\n[input]\nsignal = "g"\nunit = "rad"\n'
         'integral_time_s = 0.1\n[[output]]\nsignal = "v"\nquantity = "velocity"\nat = "m1"\n'
     )
-    with pytest.raises(RecordingFileError, match="integral_time_s is allowed only where the"):
+    with pytest.raises(RecordingFileError, match="integral_time_s is allowed only if the"):
         description_of(text.encode(), tmp_path / "a.toml")

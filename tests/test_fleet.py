@@ -265,12 +265,15 @@ def test_a_folder_without_a_table_has_devices_and_dates_in_its_names(tmp_path: P
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ("recording,date\nr.csv,yesterday\n", "date 'yesterday'; allowed is ISO 8601"),
-        ("recording\nother.csv\n", "'other.csv', which is not there"),
-        ("recording,load\nr.csv,heavy\n", "'load' of 'heavy'; allowed is a finite number"),
+        (
+            "recording,date\nr.csv,yesterday\n",
+            "date 'yesterday'; write it as ISO 8601, such as 2026-03-02",
+        ),
+        ("recording\nother.csv\n", "'other.csv', which does not exist"),
+        ("recording,load\nr.csv,heavy\n", "'load' of 'heavy'; it must be a finite number"),
         ("recording\nr.csv\nr.csv\n", "twice"),
         ("recording\n", "lists no recording"),
-        ("file,date\nother.csv,2026-01-05\n", "'other.csv', which is not there"),
+        ("file,date\nother.csv,2026-01-05\n", "'other.csv', which does not exist"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_one_sentence(tmp_path: Path, table: str, said: str):

@@ -110,7 +110,7 @@ def test_the_file_has_it_and_what_does_not_take_it_says_so() -> None:
     for refuse in (lambda d: curve(d, 10.0), lambda d: passive_boundary(d, [0.0])):  # pyright: ignore
         with pytest.raises(ValueError, match="takes no force feedback"):
             refuse(device)
-    with pytest.raises(ValueError, match=r"force_gain is 0\.3; allowed is 0 without force_sensor"):
+    with pytest.raises(ValueError, match=r"force_gain is 0\.3; it must be 0 without force_sensor"):
         Interface(force_gain=0.3)
     with pytest.raises(ValueError, match="has 3 masses, so give a link between two of them"):
         open_loop(device.with_interface(force_sensor="link34"))

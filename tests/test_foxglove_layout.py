@@ -1,43 +1,13 @@
-"""docs/foxglove_layout.json shows what a log really holds, as a reader that is not ours sees it."""
+"""docs/foxglove_layout.json shows what a log really holds (of a diagnosis: its command's test)."""
 
-import json
-import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from mcap.reader import make_reader
-from mcap_protobuf.decoder import DecoderFactory
-
+from tests.foxglove_layout import LAYOUT, OF_A_DIAGNOSIS, OF_A_RUN, assert_shown, placed
 from zwidth.controllers.wall import wall
 from zwidth.logs.events import Event
 from zwidth.logs.mcap_writer import write_log
 from zwidth.sim.device_file import load_device
 from zwidth.sim.run import Start, simulate
-
-LAYOUT = Path(__file__).parents[1] / "docs" / "foxglove_layout.json"
-
-
-def places(value: Any) -> Iterator[str]:
-    """Yield all topics and message paths in a layout: strings that begin with a slash."""
-    if isinstance(value, dict):
-        for one in value.values():
-            yield from places(one)
-    elif isinstance(value, list):
-        for one in value:
-            yield from places(one)
-    elif isinstance(value, str) and value.startswith("/"):
-        yield value
-
-
-def fields_of(path: Path) -> dict[str, set[str]]:
-    """Return the names of the fields of every topic."""
-    found: dict[str, set[str]] = {}
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, {f.name for f in message.DESCRIPTOR.fields})
-    return found
 
 
 def test_every_place_in_the_layout_is_in_a_log(tmp_path: Path) -> None:
@@ -47,11 +17,13 @@ def test_every_place_in_the_layout_is_in_a_log(tmp_path: Path) -> None:
     run = simulate(phantom, wall(10.0, 0.02), duration=0.05, start=start, ledger=True)
     log = tmp_path / "run.mcap"
     write_log(log, run.trace, events=[Event(0.01, "contact", "m1", 0.1)], epoch_ns=0)
-    fields = fields_of(log)
-    named = set(places(json.loads(LAYOUT.read_text(encoding="utf-8"))))
-    assert len(named) >= 10
-    for place in named:
-        topic, field = re.fullmatch(r"(/[^.]+)(?:\.(\w+).*)?", place).groups()  # pyright: ignore[reportOptionalMemberAccess]
-        assert topic in fields, place
-        assert field is None or field in fields[topic], place
-    assert {place.partition(".")[0] for place in named} == {"/tick", "/events"}
+    assert assert_shown(log, OF_A_RUN) == {"/tick", "/events"}
+
+
+def test_every_panel_is_placed_once() -> None:
+    """Mutation: a panel left out of the layout, or named there and not described."""
+    panels = list(placed(LAYOUT["layout"]))
+    assert sorted(panels) == sorted(LAYOUT["configById"])
+    assert {panel.partition("!")[0] for panel in OF_A_DIAGNOSIS} == {
+        "Plot", "StateTransitions", "RosOut", "RawMessages",
+    }  # fmt: skip

@@ -156,27 +156,27 @@ TWO = 'over = ["position", "velocity"]\n'
     ("table", "said"),
     [
         ("rows = [0.0, 1.0]\ntable = [0.0, 1.0]", "over is missing; add it"),
-        ('over = []\nrows = [0.0, 1.0]\ntable = [0.0]', "over has 0 states; name one or two of"),
+        ('over = []\nrows = [0.0, 1.0]\ntable = [0.0]', "over has 0 states; give one or two of"),
         ('over = ["speed"]\nrows = [0.0, 1.0]\ntable = [0.0, 1.0]', "over has 'speed'; "),
         ('over = ["time", "time"]\nrows = [0.0, 1.0]\ncolumns = [0.0, 1.0]\ntable = [[0.0, 1.0],'
-         " [0.0, 1.0]]", "over names 'time' twice; name another state"),
+         " [0.0, 1.0]]", "over has 'time' twice; give another state"),
         ('over = ["time"]\nrows = [0.0, 1.0]\ncolumns = [0.0, 1.0]\ntable = [0.0, 1.0]',
-         "columns has 2 states and over only 'time'"),
+         "columns has 2 states, but over only 'time'"),
         ('over = ["time"]\nrows = [0.0]\ntable = [0.0]',
-         "rows has 1 states of time; allowed is 2 to 32"),
+         "rows has 1 states of time; it must have from 2 to 32"),
         (f"{TWO}rows = [0.0, 1.0]\ntable = [[0.0, 1.0]]", "columns is missing; add it"),
         (f"{TWO}rows = [0, 1, 2, 3, 4, 5, 6, 7, 8]\ncolumns = [1.0]\ntable = [[0.0]]",
-         "rows has 9 states of position; allowed is 2 to 8"),
+         "rows has 9 states of position; it must have from 2 to 8"),
         (f"{TWO}rows = [0.0, 0.0]\ncolumns = [0.0, 1.0]\ntable = [[0.0, 1.0], [0.0, 1.0]]",
          "rows has the position 0 after 0; states must rise"),
         (f"{TWO}rows = [0.0, 1.0]\ncolumns = [1.0, 0.0]\ntable = [[0.0, 1.0], [0.0, 1.0]]",
          "columns has the velocity 0 after 1; states must rise"),
         (f"{TWO}rows = [0.0, 1.0]\ncolumns = [0.0, 1.0]\ntable = [[0.0, 1.0]]",
-         "table has 1 rows; allowed is 2, one for each state in rows"),
+         "table has 1 rows; it needs 2, one for each state listed in `rows`"),
         (f"{TWO}rows = [0.0, 1.0]\ncolumns = [0.0, 1.0]\ntable = [[0.0, 1.0], [0.0]]",
-         r"table\[1\] is \[0.0\]; allowed is a list of rows of 2 numbers"),
+         r"table\[1\] is \[0.0\]; it must be a list of 2 numbers"),
         (f"{TWO}rows = [0.0, 1.0]\ncolumns = [0.0, 1.0]\ntable = [[0.0, 1.0], [0.0, 2e9]]",
-         "free_force.force_2_2 is 2e.09; allowed is -1e.09 to 1e.09"),
+         "free_force.force_2_2 is 2e.09; it must be from -1e.09 to 1e.09"),
         (f"{TWO}odd = true", "unknown key 'physics.0..odd'"),
     ],
 )  # fmt: skip
@@ -200,9 +200,11 @@ at = "m1"
 
 def test_forces_beside_the_grid_are_refused() -> None:
     """From Python, where no reader counts a row first."""
-    with pytest.raises(ValueError, match=r"table\[0\] has 2 forces; allowed is 3, one a state"):
+    with pytest.raises(
+        ValueError, match=r"table\[0\] has 2 forces; it needs 3, one for each state"
+    ):
         grid_values(["position", "time"], [0.0, 1.0], [0.0, 1.0, 2.0], np.zeros((2, 2)))
-    with pytest.raises(ValueError, match="allowed is 1, since over names one state"):
+    with pytest.raises(ValueError, match="it needs 1, since `over` lists one state"):
         grid_values(["time"], [0.0, 1.0], [], np.zeros((2, 2)))
 
 

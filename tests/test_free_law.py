@@ -126,12 +126,12 @@ def test_a_table_of_a_spring_is_that_spring() -> None:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ("table = [[0.0, 0.0]]", "table has 1 points; allowed is 2 to 32"),
+        ("table = [[0.0, 0.0]]", "table has 1 points; it must have from 2 to 32"),
         ("table = [[0.0, 0.0], [0.0, 1.0]]", "states must rise"),
         ("table = [[0.1, 0.0], [1.0, 1.0]]\nodd = true", r"must begin at \[0, 0\]"),
         ("table = [[0.0, 0.0], [1.0, 1.0]]\nperiod = 1.0", "less than one period"),
         ("table = [[0.0, 0.0], [1.0, 1.0]]\nperiod = 2.0\nodd = true", "only one of them"),
-        ("table = [[0.0, 0.0], [1.0]]", "allowed is a list of rows of 2 numbers"),
+        ("table = [[0.0, 0.0], [1.0]]", "it must be a list of 2 numbers"),
         ("", "table is missing"),
     ],
 )

@@ -32,7 +32,7 @@ BAND = Rival("dead_band", "command", 3.0, 0.3)
 GOOD = HeldOut(3.0, 0.7, 0.03, 0.02)
 SOUND = Adequacy((Ahead(0.5, 0.01, 0.01, 0.02, 0.0, 0.1),), 0.95, 9.0, True, 9)
 NOTHING = Left(0.0, "")
-FORCE = Left(90.0, "a force at m1 that follows time")
+FORCE = Left(90.0, "a force at m1 that depends on time")
 WEAK = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
 MOTOR = Device("motor", "", True, make_chain([1e-3], [6e-3]), Interface(period=0.001))
 
@@ -64,14 +64,14 @@ def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
 def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
     found = answer(FRICTION, left=FORCE)
-    assert headline(found).endswith("; these effects explain 95 % of the error")
-    assert "and something else that has no name in the library" in headline(found)
+    assert headline(found).endswith("; the named effects explain 95 % of the error")
+    assert "and so is something that has no name in the library" in headline(found)
     poor = replace(found, sound=replace(SOUND, explained=0.04))
     assert headline(poor).endswith(
         "the nearest effects (Coulomb friction) explain 4 % of the error"
     )
     bare = answer(left=FORCE)
-    assert "a force at m1 that follows time" in headline(bare)
+    assert "a force at m1 that depends on time" in headline(bare)
     other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
     assert "a force at the motor that repeats every 6.3 rad" in headline(
         replace(found, other=other)
@@ -97,9 +97,9 @@ def test_no_physics_but_a_parameter_says_which_and_by_how_much():
     ("channels", "factor", "said"),
     [
         (("command",), -1.0, "The sign of the command of run is wrong"),
-        (("position_m1",), 0.01745, "Position_m1 of run counts 57.3 times too much (degrees?)"),
-        (("position_m1",), 1e-3, "1000 times too much (mm or mN m?)"),
-        (("command",), 57.3, "57.3 times too little (motion in degrees or turns?)"),
+        (("position_m1",), 0.01745, "Position_m1 of run is 57.3 times too large (degrees?)"),
+        (("position_m1",), 1e-3, "1000 times too large (mm or mN m?)"),
+        (("command",), 57.3, "57.3 times too small (motion in degrees or turns?)"),
     ],
 )
 def test_a_fault_of_the_recording_comes_first(channels: tuple[str, ...], factor: float, said: str):
@@ -119,7 +119,7 @@ def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
     assert headline(answer()).startswith("Nothing is missing")
     lost = answer(FRICTION, lost="a part of the search")
-    assert headline(lost) == "Undecided: an error prevented a part of the search"
+    assert headline(lost) == "Undecided: an internal error prevented a part of the search"
     away = answer(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
     assert "without bound" in headline(away)
 
@@ -205,8 +205,8 @@ def test_where_says_what_the_map_shows():
     )
     even = where(held(force_map("m1", "velocity"), 0.55), 1)
     assert even == (
-        "a force at the motor that follows the velocity, against the motion, best describes what is"
-        " missing"
+        "before effects are added, a force at the motor that depends on velocity and acts against"
+        " the motion best describes what is missing"
     )
     assert "changes with time" in where(held(force_map("m1", "time"), 0.5), 1)
     both = replace(
@@ -214,8 +214,8 @@ def test_where_says_what_the_map_shows():
         maps=(force_map("m1", "velocity", 880.0), force_map("m1", "time"), force_map("m1", "q", 9)),
     )
     assert where(both, 1) == (
-        "the recording does not decide what the missing force depends on: forces at the motor"
-        " over time or velocity describe it about equally well"
+        "before effects are added, the missing force at the motor can be described about equally"
+        " well by time or velocity"
     )
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")
@@ -237,7 +237,7 @@ def whole(before: float, after: float) -> WholeRun:
 def test_a_whole_run_that_is_worse_is_said():
     """Breaks where only windows of half a second are judged."""
     (said,) = cautions((FRICTION,), GOOD, (whole(1e-4, 3e-4),))
-    assert said.startswith("over the whole run the error of the position of m1 in swing is 300")
+    assert said.startswith("over the whole run, the error of the position of m1 in swing is 300")
     assert cautions((FRICTION,), GOOD, (whole(3e-4, 1e-4),)) == []
 
 
@@ -249,7 +249,7 @@ def test_the_first_picture_shows_before_and_after_with_their_errors():
     assert error.get_ylabel() == "error [mrad]"
     labels = [line.get_label() for line in motion.get_lines()]
     assert labels[0] == "measured"
-    assert "with what was found: error 100 \u00b5rad rms (13 %)" in labels
+    assert "with the found effects: error 100 \u00b5rad rms (13 %)" in labels
     assert any(str(label).startswith("device file: error 300") for label in labels)
     alone = whole_run_figure(whole(3e-4, 1e-4), named=False).axes[0]
     assert [str(line.get_label())[:9] for line in alone.get_lines()][2] == "refitted:"

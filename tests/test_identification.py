@@ -226,7 +226,7 @@ def test_a_rigid_body_is_one_and_gets_no_mode(trace: Trace) -> None:
 def test_missing_channels_and_bad_arguments_are_refused(trace: Trace) -> None:
     with pytest.raises(RecordingError, match="no channel 'torque'; it has command, position_m1"):
         fit_response(trace, command="torque")
-    with pytest.raises(ValueError, match="modes is 9; allowed is 0, a rigid body, to 4"):
+    with pytest.raises(ValueError, match="modes is 9; it must be from 0 \\(a rigid body\\) to 4"):
         fit_response(trace, 9)
     with pytest.raises(ValueError, match="delay is -1"):
         fit_response(trace, delay=-1.0)

@@ -2,13 +2,18 @@
 
 import numpy as np
 import pytest
+from diagnosis_examples import phantom, record
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.fitting.uncertainty import covariance
+from zwidth.diagnosis.fitting.descend import ground_of, slopes_at
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.reach import reaches
+from zwidth.diagnosis.fitting.uncertainty import covariance, standard_errors
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.settle import settle
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 SAMPLES, DRAWS = 1000, 200
@@ -60,3 +65,51 @@ def test_a_white_residual_needs_no_more() -> None:
     told, scattered = told_and_scattered(np.ones(SAMPLES), residuals)
     assert told == pytest.approx(1.0 / np.sqrt(SAMPLES), rel=0.05)
     assert told == pytest.approx(scattered, rel=0.15)
+
+
+# Where the likelihood is no parabola
+
+
+@pytest.fixture(scope="module")
+def bristles() -> tuple[Problem, Fitted, int]:
+    """Friction whose bristles' stiffness is known to a fifth, and where that stands in x."""
+    level, stiffness = 0.002, 40.0
+    bends = make_physics("presliding_friction", "m1", level=level, stiffness=stiffness)
+    e = record(phantom().with_physics(bends), 1.5, seed=6)
+    model = Model(phantom(), (bends,), ({"level": level, "stiffness": stiffness},))
+    problem, final = settle([e], model, np.zeros(len(model.parameters)))
+    return problem, final, [p.key for p in model.parameters].index("stiffness")
+
+
+def refitted(problem: Problem, model: Model, x: Floats, held: int) -> float:
+    """The cost with one parameter held at its x and all others fitted anew."""
+    ground = ground_of(problem, model)
+    cost = np.inf
+    for _ in range(6):
+        at = slopes_at(ground, x, np.full(x.size, 1e-3), both=True)
+        cost = min(cost, ground.cost(at.residual))
+        slopes = np.delete(at.slopes, held, axis=1)
+        step = -np.linalg.lstsq(slopes, at.residual, rcond=None)[0]
+        x = x + np.insert(step, held, 0.0)
+    return cost
+
+
+def test_an_interval_reaches_as_far_as_the_likelihood(
+    bristles: tuple[Problem, Fitted, int],
+) -> None:
+    """The stiffer a bristle, the less its stiffness shows: the interval is longer upwards.
+
+    With all other parameters refitted at its upper end, -2 ln likelihood has risen by 1.96^2.
+    Mutation that breaks it: 1.96 standard errors on both sides (2.77 for 3.84).
+    """
+    problem, final, held = bristles
+    errors = standard_errors(final)
+    ((below, above),) = reaches(problem, final, errors, [held])
+    share = errors[held] ** 2 / np.linalg.inv(final.jacobian.T @ final.jacobian)[held, held]
+    coarse = Problem(problem.experiments, problem.observer)
+    least = refitted(coarse, final.model, final.x, held)
+    x = final.x + above * (np.arange(final.x.size) == held)
+    risen = (refitted(coarse, final.model, x, held) - least) / share
+    assert risen == pytest.approx(1.96**2, rel=0.15)
+    assert above > 1.2 * 1.96 * errors[held]
+    assert below == pytest.approx(1.96 * errors[held], rel=1e-3)

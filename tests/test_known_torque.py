@@ -185,7 +185,7 @@ def test_a_recording_names_other_joints_and_known_forces(tmp_path: Path):
     u = 1e-3 * trace["command"]
     assert found.pushes is not None
     np.testing.assert_allclose(found.pushes[:-1, 0], 0.5 * (u[1:] + u[:-1]))
-    assert any("knows a force besides its command" in note for note in found.notes)
+    assert any("has a force besides its command" in note for note in found.notes)
     path.write_text(path.read_text().replace('at = "m1"\n[[joint]]', 'at = "m1"\n[[joint]]'))
     wrong = path.read_text().replace('"mNm"\nat = "m1"', '"mNm"\nat = "m2"')
     path.write_text(wrong)
@@ -205,7 +205,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
         return capsys.readouterr().err
 
     assert "needs --device" in refused(*robot, "base")
-    assert "go together" in refused(*device, *robot[:2])
+    assert "must be given together" in refused(*device, *robot[:2])
     assert "has no joint 'elbow'" in refused(*device, *robot, "elbow")
     Path(path).write_text(Path(path).read_text().replace("up/elbow", "wrist"))
     assert "has a joint 'wrist', which m.xml does not" in refused(*device, *robot, "base")

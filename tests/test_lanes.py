@@ -156,7 +156,7 @@ def test_a_number_of_threads_that_is_none_is_refused(
     wanted: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ZWIDTH_THREADS", wanted)
-    with pytest.raises(ValueError, match="a whole number from 1 on is needed"):
+    with pytest.raises(ValueError, match="it must be a whole number of 1 or more"):
         threads()
 
 

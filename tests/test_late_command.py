@@ -83,7 +83,7 @@ def test_what_comes_later_than_the_device_file_says_is_a_fact() -> None:
     same, (fact,) = in_time(shifted(phantom()), e)
     assert same is e
     assert (fact.kind, fact.wrong, fact.value) == ("command_early", False, 8.0)
-    assert "8 samples (8 ms) later than the device file says" in fact.sentence
+    assert "8 samples (8 ms) later than in the device file" in fact.sentence
 
 
 @pytest.mark.parametrize("by", [0, 8, -8])
@@ -122,7 +122,7 @@ def test_what_was_shifted_is_explained_as_if_it_had_not_been() -> None:
     found = diagnose(phantom(), [e], effort=QUICK)
     assert found.verdict is Verdict.RECORDING_FAULT
     assert not found.findings
-    assert "logged 6 samples" in found.sentence
+    assert "logged 6 samples" in found.headline
 
 
 def test_a_single_sample_needs_errors_that_are_clearly_smaller() -> None:

@@ -122,10 +122,10 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
         return
     assert law.law.after < 0.01
     first = law.headline(1)
-    assert first.startswith("a force acts at the motor that has no name in the library: up to")
-    assert "over velocity, which looks like a" in first
-    assert first.endswith("with it, 50 % without")
-    assert "a force at m1 over velocity, which looks like -0." in law.sentence
+    assert first.startswith("a force that has no name in the library acts at the motor: it reaches")
+    assert " and depends on velocity, and looks like a" in first
+    assert first.endswith("with the learned law, 50 % without")
+    assert "a force at m1 that depends on velocity, and looks like -0." in law.sentence
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]
     assert len(said["points"]) == law.curve.states.size

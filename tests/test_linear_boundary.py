@@ -435,7 +435,7 @@ def test_a_long_delay_is_served() -> None:
 def test_bad_input_is_named() -> None:
     with pytest.raises(ValueError, match="damping is nan; only finite numbers are allowed"):
         critical_stiffness(PHANTOM, np.nan)
-    with pytest.raises(ValueError, match="frequency_hz must lie inside 0 to 500 Hz"):
+    with pytest.raises(ValueError, match="frequency_hz must lie between 0 and 500 Hz"):
         curve(PHANTOM, [0.0, 10.0])
     with pytest.raises(ValueError, match="two equal poles"):
         curve(one_mass(1.0, 0.0), 10.0)
@@ -444,5 +444,5 @@ def test_bad_input_is_named() -> None:
 def test_the_closed_form_refuses_several_rates() -> None:
     """Mutation that breaks it: curves of one rate, said of two."""
     device = load_device("phantom_1_0").with_interface(position_ticks=10)
-    with pytest.raises(ValueError, match="takes one rate"):
+    with pytest.raises(ValueError, match="takes only one rate"):
         curve(device, [50.0])

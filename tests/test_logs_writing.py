@@ -174,7 +174,7 @@ def test_a_full_disk_keeps_what_was_written(
 def test_paths_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for path, words in (
-        (tmp_path, "is a folder; name a file in it"),
+        (tmp_path, "is a folder; give a file in it"),
         (tmp_path / "missing" / "run.mcap", "create it first"),
         (tmp_path / "file" / "run.mcap", "not a directory"),
         (tmp_path / ("x" * 300), "file name too long"),

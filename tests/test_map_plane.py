@@ -245,17 +245,17 @@ def test_a_colour_bar_has_three_round_ticks_at_least(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("Q", 0.0, 1.0), "axis 'Q' is not known; allowed: K, B, delay"),
+        (("Q", 0.0, 1.0), "axis 'Q' is not known; it must be one of K, B, delay"),
         (("B", 1.0, 0.5), "axis B goes from 1 to 0.5; give two finite numbers, the smaller"),
         (("B", 0.5, 0.5), "the smaller one first"),
         (("B", math.nan, 0.5), "two finite numbers"),
         (("B", 0.0, math.inf), "two finite numbers"),
-        (("B", -0.1, 0.5), "axis B begins at -0.1; allowed is 0 or more"),
-        (("B", 0.0, 0.5, "log"), "axis B begins at 0; allowed is above 0"),
-        (("K", 0.0, 5.0), "axis K begins at 0; allowed is above 0"),
+        (("B", -0.1, 0.5), "axis B begins at -0.1; it must begin at 0 or more"),
+        (("B", 0.0, 0.5, "log"), "axis B begins at 0; it must begin above 0"),
+        (("K", 0.0, 5.0), "axis K begins at 0; it must begin above 0"),
         (("command_limit", 0.0, 5.0), "above 0"),
         (("amplitude", 0.0, 5.0), "above 0"),
-        (("B", 0.1, 0.5, "cubic"), "spacing is 'cubic'; allowed is 'linear' or 'log'"),
+        (("B", 0.1, 0.5, "cubic"), "spacing is 'cubic'; it must be 'linear' or 'log'"),
     ],
 )
 def test_axes_that_cannot_be(arguments: tuple[object, ...], says: str) -> None:
@@ -269,8 +269,8 @@ def test_axes_that_cannot_be(arguments: tuple[object, ...], says: str) -> None:
         ({"x": K}, "both axes are K; choose two different quantities"),
         ({"stiffness": math.nan}, "stiffness is nan; it must be finite and >= 0"),
         ({"damping": -1.0}, "damping is -1.0; it must be finite and >= 0"),
-        ({"x": Axis("delay", 0.0, 0.06)}, "the delay reaches 0.06 s; a map allows 50 ticks"),
-        ({"device": phantom().with_interface(delay=0.051)}, "a map allows 50 ticks"),
+        ({"x": Axis("delay", 0.0, 0.06)}, "reaches 0.06 s; a map allows at most 50 ticks"),
+        ({"device": phantom().with_interface(delay=0.051)}, "a map allows at most 50 ticks"),
         (
             {"trial": Trial(1e-3, 0.06, 0.06, 0.01)},
             "too short to be judged; give at least 64 ticks",

@@ -100,3 +100,18 @@ def test_a_diagnosis_names_what_is_missing_and_where_its_report_is(rig: Path):
     (one,) = wall["boundaries"]
     assert one["delay_s"] == 0.002
     assert [point["damping"] for point in one["points"]] == [0.0, 0.01]
+
+
+def test_a_plan_names_the_files_that_it_wrote(rig: Path):
+    """Mutation: the files left out of the JSON of the command."""
+
+    async def talk(client: Any) -> Any:
+        line = {"device": "rough.toml", "seconds": 1.0, "noise": 1e-4}
+        return await client.call_tool("plan", line)
+
+    found = answer(asked(talk, rig))
+    assert found["status"] == 0
+    assert [one["excitation"] for one in found["plans"]]
+    files = [rig / file for file in found["files"]]
+    assert all(file.is_file() for file in files)
+    assert {".toml", ".npy", ".png"} <= {file.suffix for file in files}

@@ -256,7 +256,7 @@ def test_the_least_cost_is_kept_and_what_costs_as_much_is_said():
     assert costs(0.0, -50.0, -20.0)[1] == 1
     assert "nothing tells" not in costs(0.0, -50.0, -20.0)[0].faults[0].sentence
     said = costs(0.0, -50.0, -49.0)[0].faults[0].sentence
-    assert "instead position_m1 may be wrong" in said
+    assert "or position_m1 may be wrong instead" in said
     assert costs(math.inf, math.inf, 0.0)[1] == 2
     with pytest.raises(NoObserver):
         costs(math.inf, math.inf, math.inf)
@@ -280,7 +280,7 @@ def test_a_search_of_each_reading_decides():
     kept, _ = likeliest(every, asked)
     assert [(f.kind, f.channels) for f in kept.faults if f.wrong] == [("command_scale", COMMAND)]
     assert kept.faults[0].value == pytest.approx(5.0, rel=0.15)
-    assert "times too little" in kept.faults[0].sentence
+    assert "times too small" in kept.faults[0].sentence
     assert len(readings(motor(), [sound], None)) == 1
     (whole,) = readings(motor(), [sound], None)
     wrong = taken_of(whole.fit_on[0], COMMAND, -1.0)
@@ -295,7 +295,7 @@ def test_a_unit_or_a_sign_that_no_physics_stands_for_needs_no_search(factor: flo
     (fault,) = (f for f in taken.faults if f.wrong)
     assert (fault.kind, fault.channels) == (kind, COMMAND)
     assert fault.value == pytest.approx(factor)
-    assert "instead position_m1 may be wrong" in fault.sentence
+    assert "or position_m1 may be wrong instead" in fault.sentence
     assert ("is the motion in degrees or turns?" in fault.sentence) == (factor > 0.0)
 
 
@@ -333,5 +333,5 @@ def test_units_are_named():
     assert nearest_unit(-40.0, True) == pytest.approx(-DEGREES)
     assert nearest_unit(45.0, False) == pytest.approx(1.0 / 25.4e-3)
     assert nearest_unit(3.46, True) == 3.46
-    assert "1000 times too much" in sentence("r", ("position_m1",), 1e-3)
+    assert "1000 times too large" in sentence("r", ("position_m1",), 1e-3)
     assert "mm or mN m" in sentence("r", ("position_m1",), 1e-3)

@@ -47,7 +47,7 @@ def test_an_angle_that_wraps_goes_on(seed: int, least: float) -> None:
     whole, said = unwrapped(trace(folded), ["position_m1"], "rotor")
     back = whole["position_m1"]
     np.testing.assert_allclose(back - back[0], q - q[0], atol=1e-9)
-    assert "starts anew every 6.28319 rad" in said
+    assert "starts again every 6.28319 rad" in said
 
 
 def test_a_counter_of_sixteen_bits_goes_on() -> None:
@@ -80,7 +80,7 @@ def test_a_counter_of_known_modulus_goes_on_where_nothing_else_tells(tmp_path: P
     wanted = (counts * COUNTS)[known]
     np.testing.assert_allclose(found["position_m1"][known], wanted, rtol=1e-12)
     said = str(found.facts["warnings"])
-    assert "starts anew after 65536 raw numbers, 1 times" in said
+    assert "starts again after 65536 raw numbers, 1 times" in said
     toml.write_text(text)
     assert np.ptp(read_recording(toml)["position_m1"][known]) > 1.2 * np.ptp(wanted)
     toml.write_text(text.replace('"position"', '"velocity"') + "wraps_at = 65536\n")
@@ -143,6 +143,6 @@ def test_a_sensor_that_is_read_slowly_is_refused_with_the_period_to_take() -> No
 
 def test_an_experiment_says_what_was_put_right() -> None:
     (e,) = stretches(trace(np.mod(motion(11), 2.0 * math.pi)), DEVICE, "rotor")
-    assert any("starts anew" in note for note in e.notes)
+    assert any("starts again" in note for note in e.notes)
     q = motion(11)
     np.testing.assert_allclose(np.diff(e.measured[:, 0]), np.diff(q), atol=1e-9)

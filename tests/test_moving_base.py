@@ -153,7 +153,7 @@ def test_a_measured_force_of_a_hand_is_a_known_input(tmp_path: Path) -> None:
     toml = tmp_path / "h.toml"
     toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
     e = experiment(read_recording(toml), TWO)
-    assert any("knows a force" in note and "at m2" in note for note in e.notes)
+    assert any("has a force" in note and "at m2" in note for note in e.notes)
     gain = steady(TWO, e, 1.0).gain
     left = np.abs(innovations(TWO, e, gain)[500:]).max()
     toml.write_text(text)

@@ -102,7 +102,7 @@ def test_one_command_from_a_file_to_an_answer(
 def test_friction_that_a_simulator_smooths_is_seen_to_rise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    """Over ten times the speed it is no dry friction any more, and dry friction is its rival.
+    """It is zero at rest and reaches its level at ten times the speed of the tanh.
 
     Mutation: friction that rises out of the library; then dry friction is `identified`.
     """
@@ -111,7 +111,7 @@ def test_friction_that_a_simulator_smooths_is_seen_to_rise(
     save(Path("data.csv"), u, swung(u, lambda _, v: -FRICTION * np.tanh(v / SMOOTH)))
     line = ["diagnose", "data.csv", "--effort", "quick", "--json", "runs/answer.json"]
     assert run(line) == Status.DONE
-    assert "or Coulomb friction at the motor: this recording cannot tell" in capsys.readouterr().out
+    assert "Friction that rises from" in capsys.readouterr().out
     (found,) = json.loads(Path("runs/answer.json").read_text())["findings"]
     assert found["effect"] == "rising_friction"
     assert found["parameters"]["level"]["value"] == pytest.approx(FRICTION, rel=1e-3)
@@ -176,8 +176,8 @@ def test_what_was_edited_is_read_and_not_written_over(
         file.write_text(file.read_text() + "# mine\n")
     assert run(line) == Status.DONE
     said = capsys.readouterr().err
-    assert "is read as runs/data.recording.toml says, which you edited" in said
-    assert "the device is that of runs/data.device.toml, which you edited" in said
+    assert "is read as described in runs/data.recording.toml, which you edited" in said
+    assert "using the device in runs/data.device.toml, which you edited" in said
     for file in (Path("runs/data.recording.toml"), Path("runs/data.device.toml")):
         assert file.read_text().endswith("# mine\n")
 

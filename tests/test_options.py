@@ -46,13 +46,13 @@ def test_lists_stand_anywhere(line: str):
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        ("d --delay-ms -1", "'--delay-ms': -1 is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2 nan", "'--delay-ms': nan is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2 inf", "'--delay-ms': inf is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2 4x", "'--delay-ms': 4x is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2,4", "'--delay-ms': 2,4 is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2 2", "'--delay-ms': 2 is given twice, give each number once"),
-        ("d --damping 0.1 0", "'--damping': 0 follows 0.1, give the numbers in rising order"),
+        ("d --delay-ms -1", "'--delay-ms': -1 is not allowed; give 0 or more [ms]"),
+        ("d --delay-ms 2 nan", "'--delay-ms': nan is not allowed; give 0 or more [ms]"),
+        ("d --delay-ms 2 inf", "'--delay-ms': inf is not allowed; give 0 or more [ms]"),
+        ("d --delay-ms 2 4x", "'--delay-ms': 4x is not allowed; give 0 or more [ms]"),
+        ("d --delay-ms 2,4", "'--delay-ms': 2,4 is not allowed; give 0 or more [ms]"),
+        ("d --delay-ms 2 2", "'--delay-ms': 2 is given twice; give each number once"),
+        ("d --damping 0.1 0", "'--damping': 0 comes after 0.1; give the numbers in rising order"),
     ],
 )
 def test_wrong_numbers_are_refused_with_what_is_allowed(line: str, sentence: str):
@@ -67,7 +67,7 @@ def test_a_flag_without_numbers_is_refused():
 
 
 def test_a_quantity_above_a_bound_excludes_it():
-    with pytest.raises(click.BadParameter, match=r"0 is not allowed, give a number above 0 \[s\]"):
+    with pytest.raises(click.BadParameter, match=r"0 is not allowed; give a number above 0 \[s\]"):
         Quantity("s", above=True).convert("0", None, None)
     assert Quantity("s").convert("0", None, None) == 0.0
 

@@ -162,7 +162,7 @@ def test_values_outside_their_bounds_are_refused_by_name(name: str, place: str) 
         for value in (np.nan, p.lower - 1.0, np.nextafter(p.upper, np.inf)):
             if value == p.upper:
                 continue
-            with pytest.raises(ValueError, match=rf"{name}\.{p.name} is .*allowed is"):
+            with pytest.raises(ValueError, match=rf"{name}\.{p.name} is .*it must be"):
                 Physics(EFFECTS[name], place, EXAMPLES[name] | {p.name: value})
 
 
@@ -173,7 +173,7 @@ def test_all_effects_at_once_in_one_device_file() -> None:
     device = phantom().with_physics(*itertools.starmap(example, every))
     assert device_from_text(device_to_text(device)) == device
     assert device.plant().dof == 9
-    with pytest.raises(DeviceError, match="filtered readings; allowed are 10 together"):
+    with pytest.raises(DeviceError, match="filtered readings; together they must be at most 10"):
         device.with_physics(example(*filters[-1]))
 
 

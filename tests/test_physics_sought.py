@@ -49,7 +49,7 @@ def test_places_are_read_as_they_are_written():
     assert place_at("ground").acts_on == place_at("m1")
     assert of_label(label_of("backlash", Place("link"))) == ("backlash", Place("link"))
     for wrong in ("m0", "link13", "link", "engine"):
-        with pytest.raises(ValueError, match=f"at is '{wrong}'; allowed is a mass"):
+        with pytest.raises(ValueError, match=f"at is '{wrong}'; it must be a mass"):
             place_at(wrong)
 
 

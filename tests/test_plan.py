@@ -177,7 +177,7 @@ def test_the_command_writes_picture_scenario_and_json(
         (["--seconds", "2"], "has no encoder_step, so its noise is not known; give --noise"),
         (["--noise", "1e-5", "--excitation", "chrip"], "did you mean 'chirp'"),
         (["--noise", "1e-5", "--excitation", "gone.toml"], "there is no file 'gone.toml'"),
-        (["--noise", "1e-5", "--seconds", "0.01"], "0.2 to 120 s are allowed"),
+        (["--noise", "1e-5", "--seconds", "0.01"], "it must be from 0.2 to 120 s"),
         (["--noise", "3", "--seconds", "2"], "give less than a tenth of the travel"),
     ],
 )

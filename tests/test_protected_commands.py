@@ -281,7 +281,7 @@ def test_a_file_of_the_users_stops_a_command_before_its_work(
     assert run(name) == Status.BAD_INPUT
     said = capsys.readouterr().err.splitlines()[-1]
     assert f"{result} was not written by" in said
-    assert said.endswith("move it away, or say --force")
+    assert said.endswith("move it away, or use --force")
     assert reached == []
     assert files(here) == before
 

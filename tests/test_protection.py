@@ -76,6 +76,22 @@ def test_without_a_record_that_can_be_read_a_file_is_the_users(tmp_path: Path, r
         written(tmp_path / "x", "new")
 
 
+def test_an_empty_file_holds_nothing_to_protect(tmp_path: Path):
+    """But an empty input stays. Mutations: sizes not looked at; looked at before the inputs."""
+    file = tmp_path / "x"
+    file.touch()
+    written(file, "result")
+    assert file.read_text() == "result"
+    written(file, "another")
+    assert file.read_text() == "another"
+    (tmp_path / "input").touch()
+    with pytest.raises(Protected, match="input is an input"), command("zwidth one"):
+        check(reading(tmp_path / "input"))
+    file.write_text("\n")
+    with pytest.raises(Protected, match="was edited since"):
+        written(file, "new")
+
+
 def test_a_file_that_force_has_replaced_is_protected_when_it_is_back(tmp_path: Path):
     """Mutation: whatever is replaced counts as an earlier result."""
     file = tmp_path / "x"
@@ -181,7 +197,7 @@ def test_a_refusal_when_the_work_is_done_loses_nothing(tmp_path: Path):
             write_text(x, "result")
             write_text(y, "another")
 
-    with pytest.raises(Protected, match=r"x\.toml was not written by .* is in x-2\.toml$"):
+    with pytest.raises(Protected, match=r"x\.toml was not written by .* is in x-2\.toml instead$"):
         work()
     assert [p.read_text() for p in (x, y)] == [MINE, "another"]
     assert (tmp_path / "x-2.toml").read_text() == "result"

@@ -107,7 +107,7 @@ def test_the_posterior_reads_back_from_its_file():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda p: replace(p, sd=(6e-5, 0.0, 0.02, 1e-3)), "posterior.sd of b1 is 0.0; allowed"),
+        (lambda p: replace(p, sd=(6e-5, 0.0, 0.02, 1e-3)), "posterior.sd of b1 is 0.0; it must be"),
         (lambda p: replace(p, sd=(6e-5, math.inf, 0.02, 1e-3)), "posterior.sd of b1 is inf"),
         (lambda p: replace(p, sd=(6e-5,)), "posterior has 4 names, 1 sd"),
         (lambda p: replace(p, names=("m1", "m1", "b1", "k0")), "a name twice"),
@@ -183,7 +183,7 @@ def test_formats_without_fields_and_slips_are_refused_with_status_2(
 ):
     line = ["export", "bench.toml", "--out", "b.x", "--randomise"]
     assert run([*line, "3", "--to", "c"]) == 2
-    assert "--randomise goes with --to mjcf, urdf, sdf" in capsys.readouterr().err
+    assert "--randomise can be used with --to mjcf, urdf, sdf" in capsys.readouterr().err
     slip = (quick / "bench.toml").read_text().replace('"b1",', '"b7",')
     (quick / "bench.toml").write_text(slip)
     assert run([*line, "3", "--to", "urdf"]) == 2

@@ -164,7 +164,7 @@ def test_brackets_of_several_rates_close_on_the_theory(velocity: int, position: 
 def test_what_takes_one_rate_says_so() -> None:
     device = phantom().with_interface(velocity_ticks=2)
     for refuse in (open_loop, lambda d: passive_boundary(d, [0.0])):  # pyright: ignore
-        with pytest.raises(ValueError, match="takes one rate"):
+        with pytest.raises(ValueError, match="takes only one rate"):
             refuse(device)
 
 
@@ -174,7 +174,7 @@ def test_the_device_file_has_them() -> None:
     text = device_to_text(device)
     assert device_from_text(text).interface == device.interface
     assert "velocity_order" not in device_to_text(phantom())
-    with pytest.raises(ValueError, match=r"velocity_ticks is 1\.5; allowed is a whole number"):
+    with pytest.raises(ValueError, match=r"velocity_ticks is 1\.5; it must be a whole number"):
         device_from_text(text.replace("velocity_ticks = 4.0", "velocity_ticks = 1.5"))
-    with pytest.raises(ValueError, match="velocity_order is 3; allowed is 1 or 2"):
+    with pytest.raises(ValueError, match="velocity_order is 3; it must be 1 or 2"):
         Interface(velocity_order=3)

@@ -91,7 +91,7 @@ def test_a_column_with_as_many_texts_as_numbers_is_text() -> None:
     ):
         source["c"]
     words = read("a,b\n1,idle\n3,idle\n5,6\n")
-    with pytest.raises(RecordingError, match="not a number; 1 below it are none either"):
+    with pytest.raises(RecordingError, match="not a number; 1 below it are not numbers either"):
         words["b"]
 
 
@@ -115,7 +115,7 @@ def test_lines_above_the_table_are_told() -> None:
 
 
 def test_a_ragged_line_is_an_error() -> None:
-    with pytest.raises(RecordingError, match="line 3 has 3 cells where the table has 2"):
+    with pytest.raises(RecordingError, match="line 3 has 3 cells but the table has 2"):
         read("a,b\n1,2\n3,4,5\n6,7\n8,9\n")
 
 
@@ -136,7 +136,7 @@ def test_what_cannot_be_found_out_can_be_said() -> None:
     [
         (b"no table at all", "no line of numbers"),
         (b"a,b\n-,-\n", "no line of numbers"),
-        (b"\x00\x01\x02\x03", "neither text nor a format known here"),
+        (b"\x00\x01\x02\x03", "not in a format that can be read"),
         (b"\xff\xfe\x31", "not UTF-16 text"),
     ],
 )

@@ -123,12 +123,12 @@ def kind_of(table: str) -> str:
         (TIME + INPUT, "file is missing"),
         (HEAD + INPUT, "period_s or time is missing"),
         (HEAD + TIME + "period_s = 0.001\n" + INPUT, "both period_s and time"),
-        (HEAD + "period_s = 0\n" + INPUT, "period_s is 0; allowed is a number above 0"),
+        (HEAD + "period_s = 0\n" + INPUT, "period_s is 0; it must be a number above 0"),
         (HEAD + "perod_s = 0.001\n" + INPUT, "did you mean 'period_s'?"),
         (HEAD + TIME + INPUT + "scail = 2\n", "unknown key 'input.scail'; did you mean 'scale'?"),
         (HEAD + TIME + INPUT + "scale = 0\n", "input.scale is 0"),
-        (HEAD + TIME + INPUT + "scale = nan\n", "allowed is a finite number"),
-        (HEAD + TIME + INPUT + "scale = true\n", "input.scale is True; allowed is a number"),
+        (HEAD + TIME + INPUT + "scale = nan\n", "it must be a finite number"),
+        (HEAD + TIME + INPUT + "scale = true\n", "input.scale is True; it must be a number"),
         (HEAD + TIME + INPUT + 'unit = "Nmn"\n', "'Nmn', which is not a known unit"),
         (HEAD + TIME + INPUT + 'unit = "V"\n', "give scale, in N m or N per V"),
         (HEAD + TIME + INPUT + 'unit = "counts"\n', "give counts_per_rev"),
@@ -140,36 +140,39 @@ def kind_of(table: str) -> str:
         (HEAD + TIME + INPUT.replace("torque", "tork"), "no signal 'tork'; did you mean 'torque'?"),
         (HEAD.replace("a.csv", "b.csv") + TIME + INPUT, "b.csv does not exist"),
         (HEAD.replace("a.csv", "b\\u0000") + TIME + INPUT, "cannot be the name of a file"),
-        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be less"),
+        (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\nto_s = 1\n", "from_s must be below to_s"),
         (HEAD + TIME + INPUT + "[use]\nfrom_s = 2\n", "leaves no sample"),
         (HEAD + TIME + "rotary = false\n" + INPUT, "linear device"),
-        (HEAD + TIME + "resample = -1\n" + INPUT, "allowed is true, false or a period above 0"),
-        (HEAD + TIME + 'time_unit = "rad"\n' + INPUT, "allowed is s, ms, us"),
+        (HEAD + TIME + "resample = -1\n" + INPUT, "it must be true, false or a period above 0"),
+        (HEAD + TIME + 'time_unit = "rad"\n' + INPUT, "it must be one of s, ms, us"),
         (HEAD + TIME + "schema = 2\n" + INPUT, "this version reads 1"),
-        (HEAD + TIME + INPUT + '[csv]\ndelimiter = "ab"\n', "allowed is one character"),
-        (HEAD + TIME + "input = 3\n", "input is 3; allowed is a table"),
+        (HEAD + TIME + INPUT + '[csv]\ndelimiter = "ab"\n', "it must be one character"),
+        (HEAD + TIME + "input = 3\n", "input is 3; it must be a table"),
         *[
             (HEAD + TIME + INPUT + OUTPUT + one.replace('"v"', name), words)
             for one in BESIDE
             for name, words in (
-                ('"nosuch"', "a.csv has no signal 'nosuch'; known are"),
+                ('"nosuch"', "a.csv has no signal 'nosuch'; choose from"),
                 ('"torque"\nfoo = 1', f"{kind_of(one)}.foo'"),
-                ('"torque"\nscale = nan', f"{kind_of(one)}.scale is nan; allowed is a finite"),
-                ('"torque"\nscale = 0', f"{kind_of(one)}.scale is 0; allowed is any other"),
-                ('"torque"\noffset = "x"', f"{kind_of(one)}.offset is 'x'; allowed is a number"),
-                ("3", f"{kind_of(one)}.signal is 3; allowed is a text in quotes"),
+                ('"torque"\nscale = nan', f"{kind_of(one)}.scale is nan; it must be a finite"),
+                (
+                    '"torque"\nscale = 0',
+                    f"{kind_of(one)}.scale is 0; it must be a number other than 0",
+                ),
+                ('"torque"\noffset = "x"', f"{kind_of(one)}.offset is 'x'; it must be a number"),
+                ("3", f"{kind_of(one)}.signal is 3; it must be a string in quotes"),
             )
         ],
-        *[(HEAD + TIME + f"{t} = 3\n" + INPUT, f"{t} is 3; allowed is a") for t in TABLES],
+        *[(HEAD + TIME + f"{t} = 3\n" + INPUT, f"{t} is 3; it must be a") for t in TABLES],
         (HEAD + TIME + INPUT + '[[joint]]\nsignal = "torque"\nname = ""\n', "[0].name is ''"),
         (HEAD + TIME + INPUT + '[enable]\nsignal = "torque"\nunit = "deg"\n', "has no unit"),
         (
             HEAD + TIME + INPUT + SUPPLY + "nominal = 0\n",
-            "supply.nominal is 0; allowed is a finite",
+            "supply.nominal is 0; it must be a finite",
         ),
         (HEAD + TIME + INPUT + SUPPLY, "supply.nominal is missing; add it"),
         *[
-            (HEAD + TIME + OUTPUT + f"wraps_at = {wrong}\n", f"wraps_at is {said}; allowed is a")
+            (HEAD + TIME + OUTPUT + f"wraps_at = {wrong}\n", f"wraps_at is {said}; it must be a")
             for wrong, said in (("0", "0"), ("nan", "nan"), ("inf", "inf"), ('"x"', "'x'"))
         ],
         (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "more than its wraps_at = 1e-09 allows"),
@@ -197,7 +200,7 @@ def test_without_a_unit_it_is_said_that_none_shows_the_kind_of_device(tmp_path: 
     toml = 'file = "a.npz"\nperiod_s = 0.001\n[input]\nsignal = "u"\n'
     trace = recorded(tmp_path, toml, a_npz=npz_bytes())
     assert trace.units["command"] == ""
-    assert "say rotary" in str(trace.facts["warnings"])
+    assert "set rotary" in str(trace.facts["warnings"])
     assert recorded(tmp_path, "rotary = false\n" + toml).units["command"] == "N"
 
 

@@ -1,6 +1,10 @@
 """What a release says of itself, in every place the same."""
 
+import json
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -34,3 +38,27 @@ def test_the_supported_pythons_are_those_that_the_workflow_tries():
     assert f"Python {said[0]} to {said[-1]}." in (ROOT / "SECURITY.md").read_text()
     assert jobs["publish"]["permissions"] == {"id-token": "write"}
     assert "secrets." not in WORKFLOW.read_text()
+
+
+def test_a_release_is_tried_with_the_lowest_versions_and_has_its_bill_of_materials():
+    """Mutation: `publish` without `lowest`, or a release without the SBOM."""
+    yaml = pytest.importorskip("yaml", reason="PyYAML, which mkdocs brings, is not installed")
+    jobs = yaml.safe_load(WORKFLOW.read_text())["jobs"]
+    assert set(jobs["publish"]["needs"]) == {"try", "lowest"}
+    assert "--resolution lowest-direct" in jobs["lowest"]["steps"][-1]["run"]
+    assert jobs["attach"]["permissions"] == {"contents": "write"}
+    assert "zwidth.cdx.json" in jobs["attach"]["steps"][-1]["run"]
+
+
+def test_the_bill_of_materials_names_zwidth_as_its_root(tmp_path: Path):
+    """Of this environment, which needs no network. Mutation: without `--pyproject`, no root."""
+    if shutil.which("cyclonedx-py") is None:
+        pytest.skip("cyclonedx-py is not on the PATH (pip install cyclonedx-bom)")
+    out = tmp_path / "zwidth.cdx.json"
+    subprocess.run(["bash", ROOT / ".ci" / "sbom", sys.executable, out], check=True)
+    found = json.loads(out.read_text())
+    root = found["metadata"]["component"]
+    assert (root["name"], root["version"]) == ("zwidth", PROJECT["version"])
+    assert "numpy" in {component["name"] for component in found["components"]}
+    of_root = next(one for one in found["dependencies"] if one["ref"] == root["bom-ref"])
+    assert len(of_root["dependsOn"]) >= len(PROJECT["dependencies"])

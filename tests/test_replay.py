@@ -438,7 +438,7 @@ def test_your_own_law_on_the_command_line(
     for given, sentence in (
         ("my_law:lw", "module my_law has no function lw"),
         ("my_bad:law", "module my_bad cannot be imported: ZeroDivisionError"),
-        ("my_law", "my_law is not allowed, give module:function"),
+        ("my_law", "my_law is not allowed; give module:function"),
     ):
         status, out, err = zwidth("replay", "runs/s.mcap", "--controller", given)
         assert (status, out) == (2, "")
@@ -471,7 +471,7 @@ def test_simulate_that_cannot_be_is_one_sentence(tmp_path: Path, zwidth: Lines):
     bad = tmp_path / "s.toml"
     bad.write_text("duration_s = nan\n[device]\nname='phantom_1_0'\n[controller]\nkind='none'\n")
     for words, sentence in (
-        ((str(bad),), "duration_s is nan; allowed is a finite time above 0 s"),
+        ((str(bad),), "duration_s is nan; it must be a finite time above 0 s"),
         ((f"{tmp_path}/none.toml",), "there is no file"),
         ((str(bad), "--out", str(bad)), "is a file"),
     ):

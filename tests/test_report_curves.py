@@ -3,15 +3,21 @@
 import base64
 import json
 import os
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from zwidth import cli
+from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.figures.diagnosis import residual_figure, run_lines, whole_run_figure
+from zwidth.figures.narrow import WIDTH, narrow_bytes
 from zwidth.report_curves import MOST, curves_of, program
 
 LINES = {
@@ -30,6 +36,17 @@ def run(ticks: int = N) -> WholeRun:
     return WholeRun("bench", "position_m1", "rad", 2.0, 0.001, measured, simulated, True)
 
 
+def quick() -> WholeRun:
+    """A motion of too many swings for the width of a page."""
+    motion = 1e-3 * np.sin(300.0 * T)
+    simulated = dict.fromkeys(("before", "refit", "after"), motion)
+    return replace(run(), measured=motion, simulated=simulated)
+
+
+NOISE = np.random.default_rng(1).normal(size=(3000, 1))
+WHITE = Residuals(0.001, NOISE, NOISE)
+
+
 def numbers(text: str) -> Any:
     return np.frombuffer(base64.b64decode(text), "<f4")
 
@@ -41,8 +58,28 @@ def test_curves_are_the_run_in_a_unit_that_fits():
     assert numbers(curve["measured"]) == pytest.approx(1e3 * MEASURED, abs=1e-6)
     before, after = curve["runs"]
     assert before["colour"] == "#999999"
+    assert after["rms"].startswith("error 1 nrad rms")
+    assert before["rms"] == "runs away"
     assert numbers(after["error"]) == pytest.approx(np.full(N, 1e-6), rel=1e-3)
     assert np.isinf(numbers(before["error"])[3000:]).all()
+
+
+def test_curves_are_seen_on_a_dark_ground():
+    """Against the dark paper of a report. Mutation: the colours of the light one."""
+    (curve,) = curves_of([run()], run_lines(True, run()))
+    for line in curve["runs"]:
+        assert contrast(line["dark"], "#17191c") > 5.0
+        assert line["label"] == "device file" or line["dark"] != line["colour"]
+
+
+def contrast(one: str, other: str) -> float:
+    """The ratio of the luminances of two colours, as WCAG defines it."""
+    lights: list[float] = []
+    for colour in (one, other):
+        c = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+        linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+        lights.append(float(linear @ [0.2126, 0.7152, 0.0722]))
+    return (max(lights) + 0.05) / (min(lights) + 0.05)
 
 
 def test_long_runs_stay_below_three_megabytes():
@@ -52,6 +89,45 @@ def test_long_runs_stay_below_three_megabytes():
     assert curves[0]["period"] == pytest.approx(0.001 * 25)
     assert curves[0]["name"].endswith("one of 25 samples")
     assert len(json.dumps(curves)) + sum(map(len, program().values())) < 0.9e6
+
+
+def test_labels_of_two_columns_do_not_meet():
+    """'8.0' of the whole run and '6.750' of its close look. Mutation: ticks up to the edges."""
+    for begins in np.linspace(4.81, 4.85, 11).tolist():
+        figure = whole_run_figure(replace(quick(), begins=begins))
+        figure.canvas.draw()
+        whole, close = figure.axes[2:]  # the panels below, which hold the labels of time
+        assert seen(close)
+        assert max(box.x1 for box in seen(whole)) + 2.0 < min(box.x0 for box in seen(close))
+
+
+def seen(axes: Axes) -> list[Any]:
+    """Where the labels of time stand that lie in a panel."""
+    low, high = axes.get_xlim()
+    ticks = zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)
+    return [label.get_window_extent() for label, at in ticks if low <= at <= high]
+
+
+def test_a_residual_without_findings_has_no_line_for_them():
+    """Mutation: a legend with the found effects although there are none."""
+    for named, count in ((True, 3), (False, 2)):
+        (legend,) = residual_figure(WHITE, named).legends
+        labels = [text.get_text() for text in legend.get_texts()]
+        assert len(labels) == count
+        assert any("effects" in label for label in labels) == named
+
+
+def test_a_picture_for_a_phone_has_its_panels_under_one_another():
+    """Mutations: the wide picture made small; a legend beside its axes that is cut off."""
+    figure = whole_run_figure(quick())
+    svg = narrow_bytes(figure).decode()
+    wide = float(re.findall(r'width="([\d.]+)pt"', svg)[0])
+    assert wide == pytest.approx(72.0 * WIDTH)
+    both = residual_figure(WHITE)
+    narrow_bytes(both)
+    above, below = (axes.get_position() for axes in both.axes)
+    assert above.y0 > below.y1
+    assert above.x0 == pytest.approx(below.x0)
 
 
 def test_a_browser_draws_and_zooms_them(tmp_path: Path):

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,8 @@ def on_path(tmp_path: Path) -> dict[str, str]:
 def read_back(path: Path) -> dict[str, list[Any]]:
     """What a file of Rerun holds: "ENTITY:COMPONENT" and its time [s], each value in order."""
     found: dict[str, list[Any]] = {}
-    for chunk in import_module("rerun.chunk").RrdReader(path).stream():
+    reader = "rerun.chunk" if find_spec("rerun.chunk") else "rerun.experimental"  # as it was first
+    for chunk in import_module(reader).RrdReader(path).stream():
         batch = chunk.to_record_batch()
         timed = "time" in batch.schema.names
         times = batch.column("time").cast("int64").to_numpy() / 1e9 if timed else []
@@ -58,12 +60,19 @@ def read_back(path: Path) -> dict[str, list[Any]]:
 
 
 def test_the_entry_point_is_declared():
-    """Mutation: a function renamed."""
-    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-        "scripts"
-    ]
+    """Rerun finds importers by this name from 0.32 on, and runs one of the old name besides.
+
+    Mutations: a function renamed; an older Rerun allowed; a second script that opens a file twice.
+    """
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    scripts = project["scripts"]
     module, _, function = scripts["rerun-importer-zwidth"].partition(":")
     assert callable(getattr(import_module(module), function))
+    assert not any(name.startswith("rerun-loader") for name in scripts)
+    (needed,) = project["optional-dependencies"]["rerun"]
+    _, _, lowest = needed.partition("rerun-sdk>=")
+    assert tuple(map(int, lowest.split("."))) >= (0, 32)
+    assert f"Rerun {lowest}" in (ROOT / "docs" / "viewers.md").read_text(encoding="utf-8")
 
 
 def test_rerun_opens_a_recording_of_another_tool(tmp_path: Path, on_path: dict[str, str]):

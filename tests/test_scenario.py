@@ -163,15 +163,15 @@ def test_a_log_holds_a_folder_that_runs_again(tmp_path: Path):
     [
         ("duration_s = 0.5", "", "duration_s is missing; add it"),
         ("duration_s = 0.5", "duration = 0.5", "unknown key 'duration'; did you mean 'duration_s'"),
-        ("duration_s = 0.5", "duration_s = -2", "duration_s is -2; allowed is a finite time above"),
-        ("duration_s = 0.5", "duration_s = nan", "duration_s is nan; allowed is a finite time"),
-        ("duration_s = 0.5", "duration_s = inf", "duration_s is inf; allowed is a finite time"),
-        ("duration_s = 0.5", "duration_s = '1'", "duration_s is '1'; allowed is a number"),
-        ("duration_s = 0.5", "duration_s = 1\nseed = -1", "seed is -1; allowed is a whole number"),
-        ("duration_s = 0.5", "duration_s = 1\nseed = 0.5", "seed is 0.5; allowed is a whole"),
-        ("duration_s = 0.5", "duration_s = 1\nsubsteps = -1", "substeps is -1; allowed is 1 or"),
+        ("duration_s = 0.5", "duration_s = -2", "duration_s is -2; it must be a finite time above"),
+        ("duration_s = 0.5", "duration_s = nan", "duration_s is nan; it must be a finite time"),
+        ("duration_s = 0.5", "duration_s = inf", "duration_s is inf; it must be a finite time"),
+        ("duration_s = 0.5", "duration_s = '1'", "duration_s is '1'; it must be a number"),
+        ("duration_s = 0.5", "duration_s = 1\nseed = -1", "seed is -1; it must be a whole number"),
+        ("duration_s = 0.5", "duration_s = 1\nseed = 0.5", "seed is 0.5; it must be a whole"),
+        ("duration_s = 0.5", "duration_s = 1\nsubsteps = -1", "substeps is -1; it must be 1 or"),
         ("duration_s = 0.5", "duration_s = 1\nenergy = 'leger'", "energy is 'leger'; did you mean"),
-        ("duration_s = 0.5", "duration_s = 1\nbound = nan", "bound is nan; allowed is more than 0"),
+        ("duration_s = 0.5", "duration_s = 1\nbound = nan", "bound is nan; it must be above 0"),
         ("duration_s = 0.5", "schema = 2\nduration_s = 1", "schema is 2; this version reads 1"),
         ("duration_s", "duration_s = 1 x", "this is not TOML"),
         ("phantom_1_0", "phantom", "device.name is 'phantom', which is not a shipped device"),
@@ -183,7 +183,7 @@ def test_a_log_holds_a_folder_that_runs_again(tmp_path: Path):
         ("stiffness", "stifness", "unknown key 'controller.stifness'; did you mean 'stiffness'?"),
         ("stiffness = 10", "", "controller.stiffness is missing; add it"),
         ("stiffness = 10", "stiffness = nan", "controller.stiffness is nan; only finite numbers"),
-        ("stiffness = 10", "stiffness = 1\none_sided = 1", "controller.one_sided is 1; allowed is"),
+        ("stiffness = 10", "stiffness = 1\none_sided = 1", "controller.one_sided is 1; it must be"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(old: str, new: str, sentence: str):
@@ -195,10 +195,10 @@ def test_bad_input_is_one_sentence(old: str, new: str, sentence: str):
 @pytest.mark.parametrize(
     ("added", "sentence"),
     [
-        ("[interface]\ndelay_s = -1", "interface.delay_s is -1.0; allowed is >= 0"),
+        ("[interface]\ndelay_s = -1", "interface.delay_s is -1.0; it must be >= 0"),
         ("[interface]\ndelay = 1", "unknown key 'interface.delay'; did you mean 'delay_s'?"),
         ("[[physics]]\neffect = 'coulomb'", "there is no effect 'coulomb'; did you mean 'coulomb_"),
-        ("[start]\nposition = 'x'", "start.position is 'x'; allowed is a list of numbers, or one"),
+        ("[start]\nposition = 'x'", "start.position is 'x'; it must be a list of numbers, or one"),
         (
             "[start]\nposition = [1.0]",
             "start.position has 1 values; give one, or one for each of 3",
@@ -213,27 +213,27 @@ def test_bad_input_is_one_sentence(old: str, new: str, sentence: str):
         ),
         (
             "[disturbance]\nkind = 'pulse'\namplitude = 1",
-            "disturbance.to_s is inf; allowed is finite for a pulse",
+            "disturbance.to_s is inf; it must be finite for a pulse",
         ),
         (
             "[disturbance]\nkind = 'noise'\namplitude = 1\nfrom_s = 2\nto_s = 1",
-            "disturbance.to_s is 1.0; allowed is a time after from_s",
+            "disturbance.to_s is 1.0; it must be a time after from_s",
         ),
         (
             "[disturbance]\nkind = 'noise'\namplitude = 1\nfrom_s = 0.5",
-            "disturbance.from_s is 0.5; allowed is less than the run's duration",
+            "disturbance.from_s is 0.5; it must be less than the run's duration",
         ),
         (
             "[disturbance]\nkind = 'noise'\namplitude = 1\nat = 'm4'",
-            "disturbance.at is 'm4'; allowed is m1 or m2 or m3",
+            "disturbance.at is 'm4'; it must be m1 or m2 or m3",
         ),
         (
             "[disturbance]\nkind = 'sine'\namplitude = 1\nfrequency_hz = 500",
-            "disturbance.frequency_hz is 500.0; allowed is less than 500, half the sampling rate",
+            "disturbance.frequency_hz is 500.0; it must be less than 500, half the sampling rate",
         ),
         (
             "[disturbance]\nkind = 'sine'\namplitude = inf\nfrequency_hz = 5",
-            "disturbance.amplitude is inf; allowed is a finite number",
+            "disturbance.amplitude is inf; it must be a finite number",
         ),
     ],
 )
@@ -246,7 +246,7 @@ def test_bad_tables_are_one_sentence(added: str, sentence: str):
 def test_files_that_are_none_are_one_sentence(tmp_path: Path):
     with pytest.raises(ScenarioError, match=r"there is no file '.*no\.toml'; check the name"):
         load_scenario(tmp_path / "no.toml")
-    with pytest.raises(ScenarioError, match=r"is a folder; name a file in it"):
+    with pytest.raises(ScenarioError, match=r"is a folder; give a file in it"):
         load_scenario(tmp_path)
     (tmp_path / "s.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(ScenarioError, match=r"'s\.toml' is not UTF-8 text; give a TOML file"):

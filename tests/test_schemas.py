@@ -6,12 +6,22 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from test_check import banded, bench, heavier, recorded, write_csv
 
 from zwidth import cli
+from zwidth.controllers.excitation import noise
+from zwidth.diagnose_files import _plain
+from zwidth.diagnosis.answer.changes import Change, Windows
+from zwidth.diagnosis.answer.events import Course, Event
+from zwidth.diagnosis.answer.result import Estimate, Unanswered
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.mishaps import Mishap
+from zwidth.identification.output import position
 from zwidth.sim.device_file import commented_text, shipped_devices, template_text
 from zwidth.sim.device_file import load_device as load
+from zwidth.sim.trace import Trace
 
 jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")
 DOCS = Path(__file__).parents[1] / "docs"
@@ -51,6 +61,132 @@ def test_a_slip_in_a_device_file_is_refused(old: str, new: str):
     assert refused("device", tomllib.loads(commented_text(banded()).replace(old, new)))
 
 
+LOOSE = (
+    ("where",), ("where", "time", 0), ("where", "state", 0), ("where", "entry", 0), ("facts",),
+    ("facts", "chi2_per_sample"), ("fit", "whole_run", 0), ("fit", "whole_run", 0, "rms"),
+    ("fit", "force", 0), ("findings", 0), ("adequacy",), ("adequacy", "horizons", 0), ("cost",),
+    ("cost", "by", 0),
+)  # fmt: skip
+
+
+def misspelt(value: Any, place: tuple[str | int, ...]) -> Any:
+    """Return a copy with a key too many at a place."""
+    copy = json.loads(json.dumps(value))
+    inner = copy
+    for key in place:
+        inner = inner[key]
+    inner["slip of the pen"] = 1
+    return copy
+
+
+def test_every_schema_has_an_id_of_its_own_and_is_in_the_wheel():
+    """Mutation: a schema without an entry in `SCHEMAS`, or the folder left out of the wheel."""
+    found = [json.loads(path.read_text()) for path in (DOCS / "schemas").glob("*.json")]
+    assert len({schema["$id"] for schema in found}) == len(found) == 9
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text())
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    assert wheel["force-include"]["docs/schemas"] == "zwidth/schemas"
+
+
+def base() -> dict[str, Any]:
+    """What a diagnosis that an error ended leaves, without files."""
+    error = Mishap("gate", "", "ValueError: no", ValueError("no"))
+    fault = Fault("clipped_command", "it was clipped", False, 1.0, "a.csv", ("command",))
+    left = Unanswered("an error", (fault,), (error,)).as_json()
+    files = {"augmented_device": None, "report": None, "logs": [], "device": "d", "boundary": None}
+    return _plain(left | files)
+
+
+def test_an_answer_that_an_error_ended_is_as_the_schema_says():
+    found = base()
+    assert refused("diagnosis", found) == []
+    for loose in (("errors", 0), ("faults", 0)):
+        assert refused("diagnosis", misspelt(found, loose)), loose
+    assert refused("diagnosis", found | {"upper_bounds": {"backlash@link12": 0.1}})
+    assert refused("diagnosis", found | {"upper_bounds": {"backlash@link12": {"gap": 0.1}}}) == []
+
+
+@pytest.mark.parametrize("shape", ["step", "settling", "follows", "each recording"])
+def test_a_change_is_as_the_schema_says(shape: str):
+    one, many = Estimate(1.0, 0.5, np.inf, "N m"), np.array([0.0, np.nan])
+    step = shape == "step"
+    change = Change(
+        "level", "coulomb_friction" if step else None, "m1" if step else None, shape, "a.csv",
+        3.0 if step else None, (2.0, 4.0) if step else None, None if step else 9.0, one, one, one,
+        12.0, (0.1, 0.05) if step else None, 1, Windows(many, many, many, many, many, many, None),
+        rate_between=None if step else (8.0, 10.0), each=(("a.csv", one),),
+        covariate_ends=(20.0, 40.0) if shape == "follows" else None,
+    )  # fmt: skip
+    found = base() | {"changes": [_plain(change.as_json())]}
+    assert refused("diagnosis", found) == []
+    for loose in (("changes", 0), ("changes", 0, "windows"), ("changes", 0, "by")):
+        assert refused("diagnosis", misspelt(found, loose)), loose
+    found["changes"][0]["shape"] = "leap"
+    assert refused("diagnosis", found)
+
+
+@pytest.mark.parametrize("kind", ["stop", "slip"])
+def test_an_event_is_as_the_schema_says(kind: str):
+    one, many = Estimate(1.0, 0.5, 1.5, "N"), np.array([0.0, 1.0])
+    hit = kind == "stop"
+    event = Event(
+        kind, "m1", "a.csv", 3.0, (2.9, 3.1), 3.5 if hit else None, (3.4, 3.6) if hit else None,
+        one if hit else None, one if hit else None, one if hit else None, None if hit else one,
+        0.2 if hit else None, ("m2",), 99.0, 2, Course(many, many, many, many, many, "N", "m"),
+    )  # fmt: skip
+    found = base() | {"events": [_plain(event.as_json())]}
+    assert refused("diagnosis", found) == []
+    for loose in (("events", 0), ("events", 0, "course")):
+        assert refused("diagnosis", misspelt(found, loose)), loose
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan DEV --seconds 3 --noise 1e-4 --excitation multisine",
+        "boundary phantom_1_0 --delay-ms 2 --damping 0 0.02 5 --tolerance 0.05 --limit-s 4"
+        " --criterion passivity --felt --lever 0.1",
+        "boundary DEV --delay-ms 2 --damping 0.01 --tolerance 0.05 --limit-s 4",
+        "relay phantom_1_0 --delay-ms 2 --damping 0.02 --starts 2",
+        "sweep phantom_1_0 --over delay --values 0.001 0.002 --dampings 3 --rounds 0"
+        " --tolerance 0.05 --limit-s 2",
+        "map phantom_1_0 --coarse 3 --levels 0 --seconds 0.5",
+    ],
+)
+def test_what_other_commands_write_is_as_the_schemas_say(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Mutation: a key added or renamed where the JSON is made."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dev.toml").write_text(commented_text(bench()))
+    command, *rest = line.replace("DEV", "dev.toml").split()
+    assert cli.run([command, *rest, "--json", "r.json"]) == 0
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert refused(command, found) == []
+    assert refused(command, misspelt(found, ()))
+    first = {"plan": "plans", "boundary": "boundaries", "relay": "conditions", "sweep": "steps"}
+    assert refused(command, misspelt(found, (first.get(command, "transitions"), 0)))
+
+
+def test_an_identified_device_is_as_the_schema_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    modal = load("phantom_1_0").modal
+    assert modal is not None
+    u = noise(duration=12.0)
+    q = position(modal, 0.0, u, 0.001)
+    q += 1e-5 * np.random.default_rng(0).standard_normal(u.size)
+    write_csv(tmp_path / "good.csv", Trace(
+        np.linspace(0.0, 12.0, u.size, endpoint=False), {"command": u, "position_m1": q},
+        {"command": "N m", "position_m1": "rad"}, "recorded", {},
+    ))  # fmt: skip
+    assert cli.run(["identify", "good.csv", "--json", "r.json"]) == 0
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert refused("identify", found) == []
+    assert refused("identify", misspelt(found, ("parameters", "m")))
+
+
 def test_a_diagnosis_and_checks_are_as_the_schemas_say(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -63,11 +199,15 @@ def test_a_diagnosis_and_checks_are_as_the_schemas_say(
     found = json.loads((tmp_path / "d.json").read_text())
     assert found["findings"]
     assert refused("diagnosis", found) == []
+    for loose in LOOSE:
+        assert refused("diagnosis", misspelt(found, loose)), loose
     improved = "runs/good.augmented.toml"
     assert refused("device", tomllib.loads((tmp_path / improved).read_text())) == []
     assert cli.run(["check", improved, "good.csv", "bad.csv", "--json", "c.json"]) == 1
     found = json.loads((tmp_path / "c.json").read_text())
     assert found["changed"]
     assert refused("check", found) == []
+    for loose in (("recordings", 0), ("changed", 0)):
+        assert refused("check", misspelt(found, loose)), loose
     del found["recordings"][0]["outputs"][0]["most"]
     assert refused("check", found) == ["'most' is a required property"]

@@ -114,8 +114,8 @@ def test_what_a_servo_is_stands_in_the_device_file():
     assert device_from_text(head + own) == SERVO
     for wrong, says in (
         (f'kind = "servo"\n{drive}', "drive.proportional is missing"),
-        ('kind = "position"\nstiffness = 0.0', "drive.stiffness is 0; allowed is a finite number"),
-        ('kind = "position"\nstiffness = 1.0\nlimit = 0.0', "drive.limit is 0; allowed is"),
+        ('kind = "position"\nstiffness = 0.0', "drive.stiffness is 0; it must be a finite number"),
+        ('kind = "position"\nstiffness = 1.0\nlimit = 0.0', "drive.limit is 0; it must be"),
         ('kind = "position"\nstiffness = 1.0\ngear = 2.0', "unknown key 'drive.gear'"),
     ):
         with pytest.raises(DeviceError, match=says):

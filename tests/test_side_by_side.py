@@ -44,7 +44,7 @@ def test_runs_side_by_side_are_runs(tmp_path: Path, heads: list[str]) -> None:
     for name, k in (("torque", 1), ("angle", 2)):
         together = np.concatenate([motion(1)[k], motion(2)[k][:-100]])
         np.testing.assert_allclose(source[name].floats(), together)
-    assert any("2 runs stand side by side" in note for note in source.notes)
+    assert any("2 runs are side by side" in note for note in source.notes)
     trace, _ = taken(path)
     assert len(trace) == 2 * SAMPLES - 100
     np.testing.assert_allclose(trace["command"][:SAMPLES], motion(1)[1])

@@ -159,7 +159,7 @@ def test_many_spoiled_rows_are_refused(tmp_path: Path) -> None:
     lines[10:30] = [line.rsplit(",", 1)[0] for line in lines[10:30]]
     path = tmp_path / "torn.csv"
     path.write_text("\n".join([*lines, ""]))
-    with pytest.raises(LogError, match="line 11 has 2 cells where the table has 3"):
+    with pytest.raises(LogError, match="line 11 has 2 cells but the table has 3"):
         taken(path)
     lines = text("t,torque,angle", T, U, Q).splitlines()
     lines[10] = "0.09,0.0"

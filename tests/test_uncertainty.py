@@ -34,6 +34,7 @@ from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
 LEVEL = 0.02
 FRICTION = make_physics("coulomb_friction", "m1", level=LEVEL)
+DEVIATION = "it is a standard deviation, as a share of the value, and must be"
 ODD = Uncertainty(0.1 + 0.2, 1.0 / 3.0, 0.7 / 9.0, 5.0 / 7.0)
 
 
@@ -72,11 +73,14 @@ def test_only_what_differs_is_written() -> None:
             "unknown key 'uncertainty.comand_scale'; did you mean 'command_scale'",
         ),
         ("damper = 1", "unknown key 'uncertainty.damper'; did you mean 'dampers'?"),
-        ("masses = true", "uncertainty.masses is True; allowed is a number"),
-        ("masses = 0", "uncertainty.masses is 0.0; allowed is 1e-06 to 2, the standard deviation"),
-        ("springs = -0.1", "uncertainty.springs is -0.1; allowed is 1e-06 to 2"),
-        ("dampers = 101", "uncertainty.dampers is 101.0; allowed is 1e-06 to 100"),
-        ("command_scale = nan", "uncertainty.command_scale is nan; allowed is 0 to 2"),
+        ("masses = true", "uncertainty.masses is True; it must be a number"),
+        (
+            "masses = 0",
+            f"uncertainty.masses is 0.0; {DEVIATION} from 1e-06 to 2",
+        ),
+        ("springs = -0.1", f"uncertainty.springs is -0.1; {DEVIATION} from 1e-06 to 2"),
+        ("dampers = 101", f"uncertainty.dampers is 101.0; {DEVIATION} from 1e-06 to 100"),
+        ("command_scale = nan", f"uncertainty.command_scale is nan; {DEVIATION} from 0 to 2"),
     ],
 )
 def test_a_bad_file_says_what_to_change(line: str, sentence: str) -> None:
@@ -94,7 +98,7 @@ def test_what_is_not_allowed_is_refused(name: str) -> None:
     lowest = 0.0 if none_is_allowed else 1e-6
     highest = {"dampers": 100.0, "zeros": 1000.0}.get(name, 2.0)
     for value in (-1e-9, -math.inf, math.inf, math.nan, math.nextafter(highest, math.inf)):
-        with pytest.raises(ValueError, match=rf"^uncertainty\.{name} is .*; allowed is "):
+        with pytest.raises(ValueError, match=rf"^uncertainty\.{name} is .* must be from "):
             Uncertainty(**{name: value})
     for value in (lowest, highest):
         assert getattr(Uncertainty(**{name: value}), name) == value

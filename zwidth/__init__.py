@@ -45,8 +45,8 @@ help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/py
 """
 
 # Each name is imported when it is first used, so that `import zwidth` and `zwidth --help` do not
-# wait for numpy and numba. There is no __all__: pydoc prints in full every class that it names,
-# 2 000 lines of methods, and without it only the overview above, the answer to help(zwidth).
+# wait for numpy and numba. There is no __all__: with it help(zwidth) would print every class in
+# full, 2 000 lines of methods; without it, only the overview above.
 
 from importlib import import_module as _import_module
 from pathlib import Path as _Path
@@ -65,6 +65,7 @@ if _TYPE_CHECKING:
     from zwidth.api.diagnose import diagnose as diagnose
     from zwidth.api.diagnose_fleet import diagnose_fleet as diagnose_fleet
     from zwidth.api.diagnose_joints import diagnose_joints as diagnose_joints
+    from zwidth.api.find_boundaries import find_boundaries as find_boundaries
     from zwidth.api.identify import identify as identify
     from zwidth.api.make_map import make_map as make_map
     from zwidth.api.plan import excitation as excitation
@@ -137,7 +138,6 @@ if _TYPE_CHECKING:
     from zwidth.stability.bisection import Search as Search
     from zwidth.stability.boundary import Boundary as Boundary
     from zwidth.stability.boundary import BoundaryPoint as BoundaryPoint
-    from zwidth.stability.boundary import find_boundaries as find_boundaries
     from zwidth.stability.fate_map import FateMap as FateMap
     from zwidth.stability.fate_map import save_map as save_map
     from zwidth.stability.fates import Fates as Fates
@@ -216,7 +216,7 @@ HOMES = {
     "diagnose_joints": "zwidth.api.diagnose_joints",
     "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
-    "find_boundaries": "zwidth.stability.boundary",
+    "find_boundaries": "zwidth.api.find_boundaries",
     "guarded": "zwidth.controllers.guarded",
     "identify": "zwidth.api.identify",
     "load_device": "zwidth.sim.device_file",

@@ -18,8 +18,8 @@ from mcp.server.mcpserver.exceptions import ToolError  # pyright: ignore[reportM
 from zwidth.errors import Status
 
 INSTRUCTIONS = (
-    "zwidth says why a recording of a machine differs from its simulation, whether a device file is"
-    " still true, what a recording would show, and how stiff a virtual wall a device renders."
+    "zwidth finds why a recording of a machine differs from its simulation, whether a device file"
+    " is still true, what a recording would show, and how stiff a virtual wall a device renders."
     " Quantities are SI. Files are read and written on the machine where this server runs; results"
     " go to the folder `out`."
 )

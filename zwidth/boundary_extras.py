@@ -1,4 +1,4 @@
-"""What may stand beside a stability boundary: passive walls, a hand, uncertain parameters."""
+"""Optional additions to a stability boundary: passive walls, a hand, uncertain parameters."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -28,7 +28,7 @@ class Asked(NamedTuple):
 
 
 def with_extras(device: Device, points: Sequence[Point], asked: Asked) -> list[Point]:
-    """Return the points with what was asked for; raises ValueError as the parts do."""
+    """Return the points with the requested extras; raises ValueError as these do."""
     found = list(points)
     dampings = [point.damping for point in found]
     if asked.passive:
@@ -67,7 +67,7 @@ def extra_headings(asked: Asked) -> list[str]:
 
 
 def extra_cells(point: Point) -> list[str]:
-    """Return the cells of a point, one for each thing that was asked for."""
+    """Return the cells of a point, one per requested extra."""
     cells: list[str] = []
     if point.passive is not UNSET:
         cells.append("-" if point.passive is None else f"{point.passive.stiffness:.4g}")

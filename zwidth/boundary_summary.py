@@ -1,4 +1,4 @@
-"""How stiff a wall may be, for each delay, before the boundary is told point by point."""
+"""The summary of a boundary: how stiff a wall may be at each delay."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -33,7 +33,7 @@ JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it
 
 
 def stiffest(boundary: Boundary) -> Stiffest:
-    """Return the top and the end of a boundary, by both ways."""
+    """Return the top and the end of a boundary, by theory and by simulation."""
     stable = [p for p in boundary.points if p.simulated.stable is not None]
     theory = has_theory(boundary.device)
     best, top = boundary.top, corner(boundary.device) if theory else None
@@ -77,7 +77,7 @@ def _up_to(found: Stiffest, last: str, rotary: bool) -> str:
 
 
 def _unfelt(points: Sequence[Point], rotary: bool) -> str:
-    """The stiffest wall of which nothing is felt, where that was asked for."""
+    """The stiffest wall without any felt oscillation, if that was requested."""
     asked = [point for point in points if point.felt is not UNSET]
     known = [(point.felt.stable, point.damping) for point in asked if point.felt]
     if not asked:
@@ -90,7 +90,7 @@ def _unfelt(points: Sequence[Point], rotary: bool) -> str:
 
 
 def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
-    """What begins to oscillate there, and why."""
+    """The oscillation that begins at the top, and why."""
     frequency = _frequency(boundary)
     if frequency is not None and not any(_same(one, frequency) for one in seen):
         expected = " and ".join(f"{_named(one.mode)} at {one.frequency_hz:.3g} Hz" for one in seen)
@@ -123,7 +123,7 @@ def _same(one: Seen, frequency: float) -> bool:
 
 
 def _late(spring_deg: float, damper_deg: float | None) -> str:
-    """By how much the wall's forces are late, and how that changes the damper."""
+    """The phase lags of the wall's forces, and the effect on its damper."""
     late = f"sampling and delay make the wall's spring {spring_deg:.0f}\u00b0 late"
     if damper_deg is None:
         return late
@@ -137,7 +137,7 @@ def _named(mode: str) -> str:
 
 
 def _parts(found: Stiffest, without: Mapping[str, float | None], rotary: bool) -> str:
-    """What each part that the device has adds or takes at the top's B."""
+    """By how much each part of the device raises or lowers K at the top's B."""
     if found.stiffness is None or not without:
         return ""
     said: list[str] = []
@@ -210,7 +210,7 @@ def _last(b: DelayBoundary) -> str:
 
 
 def _jump(s: Stiffest) -> str:
-    """Where two branches meet, on which side of it which oscillation begins."""
+    """The oscillations on either side of the damping at which two branches meet."""
     below, above = s.frequency_below_hz, s.frequency_above_hz
     if below is None or above is None:
         return NONE
@@ -220,7 +220,7 @@ def _jump(s: Stiffest) -> str:
 
 
 def _said(value: float | None) -> str:
-    """In the unit in which it is typed."""
+    """A damping in the unit of the command line."""
     return NONE if value is None else plain(value)
 
 

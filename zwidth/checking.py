@@ -4,12 +4,18 @@ Each recording is judged by itself (`diagnosis.answer.band`). If one is outside,
 the device, including its delay, are fitted again to the recordings outside (no effects are searched
 for), and the fewest changes that explain the fit are reported. Near the fitted x the cost is (x -
 x_fit)' H (x - x_fit), where H is the inverse of the covariance of x, so the share that any subset
-explains, with the others as in the file, follows by algebra. A simulation then shows whether these
-changes alone bring the free runs back within the band.
+explains, with the others as in the file, follows by algebra. This form holds only near the fitted
+x, so if the best subset fails, the next ones are fitted too and the real costs decide. Free runs
+then show whether these changes alone bring the recording back within the band; only then are they
+named.
+
+A reading that is finer than the band's noise (one without noise, or of a simulation) gets the
+missing noise for the fit. Without it, -2 log likelihood counts errors far below those that the band
+allows: the form is then too narrow to hold over a change of a few percent.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -30,7 +36,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.fleet.quick import physical, reported
 from zwidth.fleet.structure import known_structure
-from zwidth.shown import Shown
+from zwidth.shown import Shown, Valued
 from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
@@ -41,7 +47,10 @@ Floats = NDArray[np.float64]
 Simulate = Callable[[Experiment, Band], Windows]
 """What runs another simulator freely over the windows of a recording."""
 FITTED = 10_000  # ticks that parameters are fitted to, at most: a check ends within ten seconds
-MOST = 3  # changes that a sentence names
+MOST = 3  # changes listed in a sentence
+TRIED = 3  # single changes that are fitted, if the best by the quadratic form does not explain it
+DIGITS = 2  # of a change, at most
+SEED = 0  # of the noise that a reading without noise gets
 CLEAR = 9.0  # cost that one must explain
 ENOUGH = 0.05  # share of the error that may be left unexplained
 TELLING = 3.0  # times its noise, that an output must move by to say anything
@@ -54,8 +63,8 @@ NO_BAND = (
 
 
 @dataclass(frozen=True)
-class Output:
-    """An output of a recording [its unit], rms: free-run error, the most that is within the band.
+class Output(Valued):
+    """An output of a recording [its unit], rms: free-run error, and the limit of the band.
 
     diagnosed: the error when the device was diagnosed; motion: of the recording, in the windows.
     """
@@ -83,8 +92,8 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Recording:
-    """What the check says of one recording. news: faults of it that the diagnosis had not seen."""
+class Recording(Valued):
+    """The check of one recording. news: faults of it that the diagnosis had not reported."""
 
     name: str
     outputs: tuple[Output, ...]
@@ -93,18 +102,18 @@ class Recording:
 
     @property
     def within(self) -> bool:
-        """Whether every output is within the band, and the recording as it should be."""
+        """Whether every output is within the band and the recording has no new faults."""
         return all(o.within for o in self.outputs) and not self.news
 
     @property
     def sentence(self) -> str:
-        """Say what is outside, or that nothing is."""
+        """The outputs outside the band, or that there are none, in a sentence."""
         return "; ".join([*(f.sentence for f in self.news), *(o.sentence for o in self.outputs)])
 
 
 @dataclass(frozen=True)
-class Changed:
-    """A parameter of the device that has another value now. half_width: of the 95 % interval."""
+class Changed(Valued):
+    """A parameter of the device whose value has changed. half_width: of its 95 % interval."""
 
     name: str
     words: str
@@ -116,10 +125,14 @@ class Changed:
 
     @property
     def sentence(self) -> str:
-        """Say it: "Coulomb friction +12 %"."""
+        """The change in words: "Coulomb friction +12 %"."""
         by = self.now - self.was
-        sign = "+" if by > 0.0 else "-"
-        much = percent(abs(by / self.was)) if self.relative else with_unit(abs(by), self.unit, 3)
+        sign, size = "+" if by > 0.0 else "-", _rounded(abs(by), self.half_width)
+        if self.relative:
+            share = abs(1.0 / self.was)
+            much = percent(_rounded(abs(by) * share, self.half_width * share))
+        else:
+            much = with_unit(size, self.unit, DIGITS)
         return f"{self.words} {sign}{much}"
 
     def as_json(self) -> dict[str, Any]:
@@ -134,8 +147,8 @@ class Changed:
 class Check(Shown):
     """Whether a simulation still predicts its machine. simulator: its name, "" for the device.
 
-    changed: the refitted parameters that bring recordings outside the band closer to it; explains:
-    whether they bring them within it.
+    changed: the refitted parameters that bring recordings outside the band back; empty if none do;
+    explains: whether there are such.
     """
 
     device: str
@@ -168,12 +181,9 @@ class Check(Shown):
                 f"{head}, but '{self.device}' still does: the machine is as it was, but the model"
                 " or its simulator changed"
             )
-        if not self.changed:
+        if not self.explains:
             return f"{head}: no change of its own parameters explains it; --diagnose searches"
-        names = listed([c.sentence for c in self.changed])
-        if self.explains:
-            return f"{head}: {names}"
-        return f"{head}: {names}, which does not explain it all; --diagnose searches"
+        return f"{head}: {listed([c.sentence for c in self.changed])}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth check`."""
@@ -211,24 +221,31 @@ def check(
     recordings: Sequence[tuple[str, Sequence[Experiment]]],
     simulate: Simulate | None = None,
     simulator: str = "",
+    say: Callable[[str], None] = lambda _: None,
 ) -> Check:
     """Return whether a device still describes recordings, each with its stretches.
 
-    simulate: runs another simulator over a stretch, and simulator names it. Raises ValueError if
-    the device has no band, if its outputs are not those of a recording, or if a recording has no
+    simulate: runs another simulator over a stretch; simulator: its name. say: called with what is
+    done next. Raises ValueError if the
+    device has no band, if its outputs are not those of a recording, or if a recording has no
     motion; ExperimentError if no recording can be used.
     """
     if device.band is None:
         raise ValueError(NO_BAND.format(device.name))
     run = _own_runs(device)
-    pairs = [_read(device, name, stretches, run) for name, stretches in recordings]
+    pairs: list[tuple[_Taken, Recording]] = []
+    for done, (name, stretches) in enumerate(recordings):
+        say(f"{100.0 * done / len(recordings):.0f} %, {name}")
+        pairs.append(_read(device, name, stretches, run))
     own = found = [said for _, said in pairs]
     if simulate is not None:
+        say(f"running {simulator}")
         found = [_judged(device, one, simulate) for one, _ in pairs]
     outside = [one for one, said in pairs if not said.within]
     changed: tuple[Changed, ...] = ()
     explains = False
     if outside and not any(said.news for said in own):
+        say("fitting the parameters that changed")
         changed, explains = _changes(device, outside, run)
     told = None if simulate is None else all(said.within for said in own)
     return Check(device.name, tuple(found), changed, explains, simulator, told)
@@ -239,7 +256,7 @@ def rebased(
     recordings: Sequence[tuple[str, Sequence[Experiment]]],
     simulate: Simulate | None = None,
 ) -> Device:
-    """Return a device whose band is taken from the errors of free runs on these recordings.
+    """Return a device whose band is computed from the errors of free runs on these recordings.
 
     simulate: as `check` takes it. Raises as `check`, and ValueError for fewer than two windows.
     """
@@ -280,7 +297,7 @@ def _read(
 
 
 def _own_runs(device: Device) -> Simulate:
-    """The device itself. Origins and zeros, which each recording has of its own, are fitted."""
+    """Free runs of the device itself, with the origins and zeros of each recording fitted."""
     model = Model(device)
     free = [i for i, p in enumerate(model.parameters) if p.kind in ("origin", "zero")]
 
@@ -339,8 +356,8 @@ def _output(device: Device, band: Band, own: OutputBand, found: Windows, name: s
     if motion < TELLING * own.noise:
         raise ValueError(
             f"{name}: {own.name} moves by {with_unit(motion, unit, 3)} rms and its noise is"
-            f" {with_unit(own.noise, unit, 3)}, which says nothing; give a recording in which the"
-            " device moves"
+            f" {with_unit(own.noise, unit, 3)}: too little motion to check anything; give a"
+            " recording in which the device moves"
         )
     error = float(found.rms[place])
     return Output(own.name, unit, error, most(band, own, found), own.error, motion)
@@ -349,11 +366,11 @@ def _output(device: Device, band: Band, own: OutputBand, found: Windows, name: s
 def _changes(
     device: Device, outside: Sequence[_Taken], own: Simulate
 ) -> tuple[tuple[Changed, ...], bool]:
-    """What changed, most telling first, and whether that alone is within the band."""
+    """The fewest changes that alone bring it within the band, and whether there are such."""
     band = device.band
     assert band is not None
     every = [e for one in outside for e in one.stretches]
-    fit_on = [_short(e, max(1000, FITTED // len(every))) for e in every]
+    fit_on = [_coarse(_short(e, max(1000, FITTED // len(every))), band) for e in every]
     structure = known_structure(device.with_interface(delay=0.0))
     late, period = device.interface.delay, device.interface.period
     model = Model(
@@ -369,31 +386,55 @@ def _changes(
     if not any(p.name == f"{DELAY}@clock.delay" for p in h.model.parameters):
         return (), False
     nominal = _nominal(h, model)
-    before = _joined([own(e, band) for e in every], outside[0].name).rms
-    changed: tuple[Changed, ...] = ()
-    explains = False
-    for told in _fewest(h, nominal):
-        x = _fitted(h, nominal, told)
-        try:
-            runs = [windows_of(h.model, x, [e], band.ratio, band.window) for e in every]
-        except NoObserver:
-            continue
-        changed = tuple(_changed(h, way, x, nominal) for way in told)
-        explains = _explained(band, _joined(runs, outside[0].name), before)
-        if explains:
+    name = outside[0].name
+    before = _joined([own(e, band) for e in every], name).rms
+    told: list[_Way] = []
+    while len(told) < MOST and (ways := _next(h, nominal, told)):
+        tried: list[tuple[float, list[_Way], Floats, float]] = []
+        for way in ways:
+            x, cost = _fitted(h, nominal, [*told, way])
+            try:
+                runs = [windows_of(h.model, x, [e], band.ratio, band.window) for e in every]
+            except NoObserver:
+                continue
+            tried.append((cost, [*told, way], x, _excess(band, _joined(runs, name), before)))
+            if tried[-1][-1] <= 1.0:
+                break
+        if not tried:
             break
-    return changed, explains
+        _, told, x, excess = min(tried, key=lambda one: (one[-1] > 1.0, one[0]))
+        if excess <= 1.0:
+            return tuple(_changed(h, way, x, nominal) for way in told), True
+    return (), False
 
 
-def _explained(band: Band, found: Windows, before: Floats) -> bool:
-    """Whether free runs are within the band, or their errors are a twentieth of those before."""
+def _coarse(e: Experiment, band: Band) -> Experiment:
+    """A recording whose readings have at least the noise of the band.
+
+    The own noise of a reading is that of its fourth differences, in which little motion is left:
+    their variance is 70 times that of white noise.
+    """
+    random = np.random.default_rng(SEED)
+    known = {o.name: o.noise for o in band.outputs}
+    measured = e.measured.copy()
+    for place, output in enumerate(e.outputs):
+        fourth = np.abs(np.diff(measured[:, place], 4))
+        own = 1.4826 * float(np.median(fourth[np.isfinite(fourth)])) / math.sqrt(70.0)
+        less = known.get(output.name, 0.0) ** 2 - own**2
+        if less > 0.0:
+            measured[:, place] += math.sqrt(less) * random.standard_normal(e.ticks)
+    return replace(e, measured=measured)
+
+
+def _excess(band: Band, found: Windows, before: Floats) -> float:
+    """The largest error of free runs over what explains them: the band, or a share of before."""
+    most_of_all = 0.0
     for output in band.outputs:
         if output.name in found.names:
             place = found.names.index(output.name)
             enough = max(most(band, output, found), ENOUGH * float(before[place]))
-            if not found.rms[place] <= enough:
-                return False
-    return True
+            most_of_all = max(most_of_all, float(found.rms[place]) / enough)
+    return most_of_all
 
 
 def _nominal(h: Hypothesis, model: Model) -> Floats:
@@ -407,7 +448,7 @@ def _nominal(h: Hypothesis, model: Model) -> Floats:
 
 
 def _beside(x: Floats, spread: Floats, free: Sequence[int], others: Floats) -> Floats:
-    """Return x whose free places are the best beside others that are given for all the rest."""
+    """Return x with the free components optimal for the given other components."""
     told = np.flatnonzero(np.isfinite(np.diag(spread)))
     held = [i for i in told.tolist() if i not in free]
     own = [i for i in told.tolist() if i in free]
@@ -448,15 +489,15 @@ def _ways(h: Hypothesis, nominal: Floats, own: Sequence[int]) -> list[_Way]:
     return found
 
 
-def _fewest(h: Hypothesis, nominal: Floats) -> Iterator[list[_Way]]:
-    """Yield ways that explain a fit: the one that explains most, with a second, with a third."""
+def _next(h: Hypothesis, nominal: Floats, told: Sequence[_Way]) -> list[_Way]:
+    """The ways that, beside those told, explain most of a fit by its quadratic form, best first."""
     spread = covariance(h.fitted)
     own = [i for i in reported(h.model) if np.isfinite(spread[i, i])]
     weight = np.linalg.pinv(spread[np.ix_(own, own)], hermitian=True)
     off = h.x[own] - nominal[own]
 
     def left(ways: Sequence[_Way]) -> float:
-        """By how much the cost exceeds that of the fit if only those ways are free."""
+        """Excess of the cost over the full fit's if only those ways are free."""
         cost = float(off @ weight @ off)
         if not ways:
             return cost
@@ -464,22 +505,16 @@ def _fewest(h: Hypothesis, nominal: Floats) -> Iterator[list[_Way]]:
         told = free.T @ weight @ off
         return cost - float(told @ np.linalg.pinv(free.T @ weight @ free, hermitian=True) @ told)
 
-    told: list[_Way] = []
-    cost = left([])
-    possible = _ways(h, nominal, own)
-    while possible and len(told) < MOST:
-        best = min(possible, key=lambda way: left([*told, way]))
-        less = left([*told, best])
-        if cost - less < CLEAR:
-            return
-        told.append(best)
-        cost = less
-        possible = [way for way in possible if not set(way.places) & set(best.places)]
-        yield list(told)
+    taken = {i for way in told for i in way.places}
+    before = left(told)
+    costs = [(left([*told, way]), way) for way in _ways(h, nominal, own)
+             if not taken & set(way.places)]  # fmt: skip
+    clear = [one for one in costs if before - one[0] >= CLEAR]
+    return [way for _, way in sorted(clear, key=lambda one: one[0])[:TRIED]]
 
 
-def _fitted(h: Hypothesis, nominal: Floats, ways: Sequence[_Way]) -> Floats:
-    """The x at which a device changed in these ways alone follows the recordings best."""
+def _fitted(h: Hypothesis, nominal: Floats, ways: Sequence[_Way]) -> tuple[Floats, float]:
+    """The x and the cost of the best fit to the recordings if only these ways are free."""
     problem, model = h.problem, h.model
     nuisance = [i for i in range(h.x.size) if i not in reported(model)]
     free = np.stack([*(way.slope for way in ways), *np.eye(h.x.size)[nuisance]], axis=1)
@@ -503,11 +538,22 @@ def _fitted(h: Hypothesis, nominal: Floats, ways: Sequence[_Way]) -> Floats:
 
     begun = np.linalg.lstsq(free, h.x - nominal, rcond=None)[0]
     found = least_squares(residual, begun, slopes, method="lm", max_nfev=TURNS)
-    return at(found.x)
+    return at(found.x), 2.0 * float(found.cost)
+
+
+def _rounded(size: float, half_width: float) -> float:
+    """A size to the digits that its error leaves, two at most: 998 -> 1000, 12.4 +- 3 -> 12."""
+    if not (size > 0.0 and math.isfinite(size)):
+        return size
+    first = math.floor(math.log10(size))
+    places = DIGITS - 1 - first
+    if half_width > 0.0 and math.isfinite(half_width):
+        places = min(places, -math.floor(math.log10(half_width)))
+    return round(size, max(places, -first))
 
 
 def _changed(h: Hypothesis, way: _Way, x: Floats, nominal: Floats) -> Changed:
-    """A way in words, with what it was in the device file and what it is at x."""
+    """A way in words, with its values in the device file and at x."""
     model, index = h.model, way.places[0]
     p = model.parameters[index]
     place = reported(model).index(index)

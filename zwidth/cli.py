@@ -51,7 +51,7 @@ COMMANDS = {
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
     "mcp": ("Serve diagnose, check, plan and boundary to agents, by the Model Context Protocol."),
     "paper": (
-        "Compute the paper's figures and tables again, ours beside theirs, as one HTML report."
+        "Recompute the figures and tables of the paper on virtual walls, beside the published ones."
     ),
 }
 
@@ -79,6 +79,15 @@ EXAMPLES = {
     "mcp": "zwidth mcp",
     "paper": "zwidth paper --section modes",
 }
+# name -> the command whose example writes what its own example takes.
+FIRST = {
+    "check": "diagnose",
+    "report": "diagnose",
+    "simulate": "plan",
+    "replay": "simulate",
+    "identify": "simulate",
+}
+HELP = frozenset(("-h", "--help", "--version"))
 
 
 class CommandsByName(click.Group):
@@ -89,12 +98,14 @@ class CommandsByName(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command, or return None where there is none of that name."""
+        """Import the command, or return None if there is none of that name."""
         if cmd_name not in COMMANDS:
             return None
         command = import_module(f"zwidth.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         example = f"\b\nExample:\n  {EXAMPLES[cmd_name]}"
+        if cmd_name in FIRST:
+            example += f"\nRun `zwidth {FIRST[cmd_name]}` first, as its own --help shows."
         if example not in (command.epilog or ""):
             command.epilog = "\n\n".join(filter(None, (command.epilog, example)))
         return command
@@ -199,7 +210,8 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def main() -> NoReturn:
     """Run the command line of this process."""
-    HEART.start()
+    if len(sys.argv) > 1 and HELP.isdisjoint(sys.argv[1:]):  # help is short, and no work
+        HEART.start()
     try:
         status = run()
     finally:

@@ -1,6 +1,7 @@
-"""What a command says: tables to people, JSON to programs, progress while it works."""
+"""The output of commands: tables for people, JSON for programs, progress."""
 
 import math
+import re
 import shutil
 import sys
 import textwrap
@@ -16,9 +17,15 @@ from zwidth.files.protection import check
 from zwidth.files.whole import json_text, write_text
 from zwidth.heartbeat import HEART
 
-PLAIN_LINE_EVERY = 3.0  # [s], where progress is written to a file and not to a terminal
-PLAIN_WIDTH = 160  # columns, where nobody's terminal limits them
+PLAIN_LINE_EVERY = 3.0  # [s], if progress is written to a file and not to a terminal
+PLAIN_WIDTH = 160  # columns, without a terminal
 LONGEST_NAME = 34  # characters of a name that is kept on one line in a table
+GLUE = "\ue000"  # stands for a space within a unit while text is wrapped
+UNIT = re.compile(
+    r"(?:(?<![\w.])[-+\u00b1]?\d[\d.]*(?:e-?\d+)? )?"
+    r"(?<!\w)(?:[n\u00b5mkM]?(?:N|V|A|J|W)|k?g|m?rad|[n\u00b5mk]?m|[n\u00b5m]?s|k?Hz|counts|%)"
+    r"(?: (?:m2?|s2?))*(?:/(?:rad|m|s|count)\d?)*(?: (?:m2?|s2?))*(?![\w])"
+)
 
 Advance = Callable[..., None]
 
@@ -33,11 +40,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Console:
-    """Where a command's words go.
+    """The destinations of a command's output.
 
-    json: None for no JSON, "-" for standard output, else a file. When JSON has standard output,
-    what is meant for people goes to standard error, so that a program can read the one and a
-    person the other.
+    json: None for no JSON, "-" for standard output, else a file. If JSON goes to standard output,
+    text for people goes to standard error.
     """
 
     json: str | None = None
@@ -58,9 +64,9 @@ class Console:
         print(text, file=self.stream)
 
     def doing(self, text: str, at: float | None = None) -> None:
-        """Write what is being done to standard error, where `progress` writes, too.
+        """Write the current step to standard error, as `progress` does.
 
-        at: the time since the beginning [s], which then stands before it.
+        at: the time since the beginning [s], written in front.
         """
         HEART.said(text)
         head = "... " if at is None else f"... {at:4.0f} s  "
@@ -68,7 +74,7 @@ class Console:
         print(line, file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """Write a line for people to standard error: what was assumed, beside the answer."""
+        """Write a line for people to standard error, for instance an assumption."""
         HEART.said()
         print(wrapped(text, sys.stderr), file=sys.stderr)
 
@@ -80,15 +86,17 @@ class Console:
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
         """Write a table: ruled on a terminal, plain columns elsewhere.
 
-        A column in which nothing stands is left out. Where a terminal is too narrow, cells wrap at
-        words; names, the first column, wrap last. Where not even the longest words fit beside each
-        other, each row is a table of its own, a line for each column.
+        Empty columns are left out. If a terminal is too narrow, cells wrap at words; names, the
+        first column, wrap last. If not even the longest words fit side by side, each row becomes a
+        table of its own, with a line for each column.
         """
         from rich.box import SIMPLE_HEAD
         from rich.console import Console as Terminal
         from rich.table import Table
 
         terminal = self.stream.isatty()
+        columns = [Column(glued(c.heading), c.number) for c in columns]
+        rows = [[glued(cell) for cell in row] for row in rows]
         used = [i for i in range(len(columns)) if not rows or any(row[i] for row in rows)]
         if terminal and narrowest([[columns[i].heading, *(r[i] for r in rows)] for i in used]) > (
             shutil.get_terminal_size().columns
@@ -98,7 +106,7 @@ class Console:
                 self.say("")
                 wide = max(len(columns[i].heading) for i in used) + 2
                 for i in (i for i in used if row[i]):
-                    self.show(hanging(columns[i].heading.ljust(wide), row[i]))
+                    self.show(hanging(columns[i].heading.ljust(wide), row[i]).replace(GLUE, " "))
             return
         table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
         for i in used:
@@ -115,19 +123,21 @@ class Console:
             highlight=False,
         )
         self.say(title)
-        writer.print(table)
+        with writer.capture() as drawn:
+            writer.print(table)
+        print(drawn.get().replace(GLUE, " "), end="", file=self.stream)
 
     def will_write(self, *files: Path) -> None:
-        """Refuse before any work is done what may not be written: these files, and the JSON.
+        """Refuse, before any work is done, if these files or the JSON may not be written.
 
-        To be called when the inputs are read, with every result whose name is known by then.
-        Raises Protected.
+        Called after the inputs are read, with every result whose name is known by then. Raises
+        Protected.
         """
         asked = [] if self.json in (None, "-") else [Path(self.json)]
         check(*files, *asked)
 
     def keep(self, value: Any) -> None:
-        """Write a result that is still to grow to its file, without a word; raises as `result`."""
+        """Write an unfinished result to its file, silently; raises as `result`."""
         if self.json is None or self.json == "-":
             return
         path = Path(self.json)
@@ -135,7 +145,7 @@ class Console:
             write_text(path, json_text(value))
 
     def result(self, value: Any) -> None:
-        """Write the result as JSON where it was asked for; raises OSError, ValueError for NaN."""
+        """Write the result as JSON if requested; raises OSError, ValueError for NaN."""
         if self.json == "-":
             sys.stdout.write(json_text(value))
         elif self.json is not None:
@@ -143,30 +153,36 @@ class Console:
 
 
 def wrapped(text: str, stream: TextIO) -> str:
-    """Return text as a terminal shows it best: at most as wide, broken between words.
+    """Return text wrapped between words to the width of the terminal.
 
-    Paths and other long words stay whole, indented lines stay as they are, and where no terminal
-    reads, so does all.
+    Paths and other long words stay whole, and indented lines are unchanged. Without a terminal all
+    text is unchanged.
     """
     if not stream.isatty():
         return text
     width = shutil.get_terminal_size().columns
     wrapper = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
-    lines = text.split("\n")
-    return "\n".join(line if line.startswith(" ") else wrapper.fill(line) for line in lines)
+    lines = glued(text).split("\n")
+    fitted = "\n".join(line if line.startswith(" ") else wrapper.fill(line) for line in lines)
+    return fitted.replace(GLUE, " ")
+
+
+def glued(text: str) -> str:
+    """Return text whose units stay with their number and in one piece where it is wrapped."""
+    return UNIT.sub(lambda found: found[0].replace(" ", GLUE), text)
 
 
 def hanging(head: str, text: str) -> str:
-    """Return a head and what stands beside it, wrapped at words as a terminal is wide."""
+    """Return a head with text beside it, wrapped between words to the terminal's width."""
     width = shutil.get_terminal_size().columns
     return textwrap.fill(
-        text, width, initial_indent=head, subsequent_indent=" " * len(head),
+        glued(text), width, initial_indent=head, subsequent_indent=" " * len(head),
         break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
+    ).replace(GLUE, " ")  # fmt: skip
 
 
 def narrowest(columns: Sequence[Sequence[str]]) -> int:
-    """Return how wide a table of these columns is at least: names whole, else the longest words."""
+    """Return the least width of a table of these columns: whole names, longest words elsewhere."""
     wide = 0
     for i, cells in enumerate(columns):
         whole = i == 0 and all(len(cell) <= LONGEST_NAME for cell in cells[1:])
@@ -179,8 +195,8 @@ def narrowest(columns: Sequence[Sequence[str]]) -> int:
 def progress(doing: str, total: int) -> Generator[Advance]:
     """Show how far long work has come, on standard error.
 
-    Yields ``advance(steps=1, now="")``; `now` is a word on what is being done. A terminal gets a
-    bar with the time that is left, anything else a plain line every few seconds.
+    Yields ``advance(steps=1, now="")``; `now` describes the current step. A terminal gets a bar
+    with the remaining time, anything else a plain line every few seconds.
     """
     show = _bar if sys.stderr.isatty() else _lines
     HEART.said(doing)
@@ -235,7 +251,7 @@ def announce(console: Console) -> None:
     folder = cache_folder()
     if not any(folder.rglob("*.nbc")):
         console.say(
-            f"compiling the simulation, once for each version (a minute or more), into {folder}"
+            f"compiling the simulation into {folder} (a minute or more, once for each version)"
         )
         HEART.said("compiling")
 

@@ -35,7 +35,7 @@ def save_covariance(path: Path, names: Sequence[str], values: Floats) -> Path:
 
 
 def load_covariance(path: Path) -> Covariance:
-    """Read the file; raises OSError, ValueError (one sentence) for anything else than one."""
+    """Read the file; raises OSError, ValueError (one sentence) for any other content."""
     try:
         known = msgspec.json.decode(reading(path).read_bytes(), type=_File)
         values = np.array(known.covariance, dtype=np.float64)
@@ -48,6 +48,6 @@ def load_covariance(path: Path) -> Covariance:
     if values.shape != (len(known.names),) * 2:
         raise ValueError(
             f"{path} has {len(known.names)} names and a covariance of shape {values.shape}; they"
-            " must have one size: write it again with `zwidth identify`"
+            " must have the same size: write it again with `zwidth identify`"
         )
     return Covariance(tuple(known.names), values)

@@ -1,4 +1,4 @@
-"""A diagnosis from files to files: recordings are read, diagnosed, and every answer is written."""
+"""The diagnosis of files: reads and diagnoses recordings, and writes all results."""
 
 import itertools
 import math
@@ -41,7 +41,7 @@ from zwidth.diagnosis_report import (
     scale_sentence,
     verdict_line,
 )
-from zwidth.diagnosis_summary import next_sentence
+from zwidth.diagnosis_summary import next_sentence, whereabouts
 from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
 from zwidth.heartbeat import HEART
@@ -72,10 +72,11 @@ def diagnose_files(
     line: str,
     robot: tuple[Path | None, str | None] = (None, None),
 ) -> Diagnosis:
-    """Diagnose recordings, say what was found, write and return it; arguments as of the command.
+    """Diagnose recordings, print, write and return the results; arguments as of the command.
 
-    line: what asks the same again. robot: its model and the joint in it. Raises ValueError and
-    ClickException as the command does, and KeyboardInterrupt at its end where it was interrupted.
+    line: the command line that repeats this. robot: its model and the joint in it. Raises
+    ValueError and ClickException as the command does, and KeyboardInterrupt at its end where it was
+    interrupted.
     """
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
@@ -126,7 +127,7 @@ def diagnose_files(
 
 
 def _timed(console: Console) -> Callable[[str], None]:
-    """What is being done, with the time since the beginning."""
+    """A function that prints the current step with the time since the beginning."""
 
     def say(text: str) -> None:
         console.doing(in_words(text.replace("@", " at ")), HEART.elapsed())
@@ -245,7 +246,7 @@ def _result(
     bounds: "AugmentedBoundary | None",
     mishaps: Mishaps,
 ) -> Any:
-    """The JSON of what there is."""
+    """The JSON of the results so far."""
     found = in_own_units(replace(found, errors=tuple(mishaps.found)))
     more = {
         "boundary": bounds and bounds.as_json(),
@@ -269,7 +270,7 @@ def _say_written(console: Console, found: Diagnosis, files: Files) -> None:
 
 
 def _fail_for_what_is_not_written(mishaps: Mishaps) -> None:
-    """Raise the error that cost a file that was promised, so that the exit status tells of it."""
+    """Raise the error that prevented a promised file, so that the exit status shows it."""
     for mishap in mishaps.of("augmented device", "log", "report"):
         if isinstance(mishap.cause, OSError):
             raise mishap.cause
@@ -294,7 +295,7 @@ def _unanswered(asked: Asked, end: NotDiagnosed, mishaps: Mishaps) -> click.Clic
 
 
 def _refuse_fitted(recordings: Sequence[Path], validate: Sequence[Path]) -> None:
-    """Raise ValueError where a recording would judge the fit to itself."""
+    """Raise ValueError if a recording is given both to fit and to judge by."""
     fitted = {path.resolve() for path in recordings}
     for path in validate:
         if path.resolve() in fitted:
@@ -305,7 +306,7 @@ def _refuse_fitted(recordings: Sequence[Path], validate: Sequence[Path]) -> None
 
 
 def _distinct(stems: Sequence[str]) -> list[str]:
-    """Return a name for each stem; what would be there twice gets -2, -3 ..."""
+    """Return a distinct name for each stem; repeated ones get -2, -3, ..."""
     names: list[str] = []
     for stem in stems:
         tries = (f"{stem}-{n}" for n in itertools.count(2))
@@ -330,7 +331,7 @@ def may_render(device: Device, experiments: Sequence[Experiment]) -> bool:
 
 
 def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
-    """The stiffest wall before and after; None where nothing was found or there is no such wall."""
+    """The stiffest wall before and after; None if nothing was found or there is no such wall."""
     if not found.findings or asked.wall is False:
         return None
     from zwidth.stability.augmented_boundary import augmented_boundary
@@ -340,7 +341,10 @@ def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
     if not renders:
         return None
     names = " and ".join(effect_at(found, f.effect, f.at) for f in found.findings)
-    console.doing("computing the stiffest wall before and after", HEART.elapsed())
+    console.doing(
+        "computing the stiffest stable wall of the device file and of the improved device",
+        HEART.elapsed(),
+    )
     bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
     if bounds is not None:
         console.say(bounds.sentence)
@@ -365,7 +369,7 @@ def _log(device: Device, found: Diagnosis, e: Experiment, recording: Path, path:
 def _traces(
     console: Console, paths: Sequence[Path], read: Mapping[Path, Path]
 ) -> list[tuple[Path, Trace]]:
-    """Read recordings; one of several that cannot be read costs itself alone."""
+    """Read recordings; if there are several, an unreadable one is skipped."""
     found: list[tuple[Path, Trace]] = []
     for path in paths:
         with isolated("recording", path.name) if len(paths) > 1 else nullcontext():
@@ -390,7 +394,7 @@ def _arms(
     joint, and without a device.
     """
     if model is not None and joint is None:
-        raise ValueError("--known-torque MODEL and --joint NAME go together; give both")
+        raise ValueError("--known-torque MODEL and --joint NAME must be given together; give both")
     if model is None or joint is None:
         return lambda _, traces: traces
     if device is None:
@@ -417,7 +421,7 @@ def _arms(
 def _stretches(
     traces: Sequence[tuple[Path, Trace]], device: Device
 ) -> list[tuple[Path, Experiment]]:
-    """Take recordings as stretches; one of several that cannot be used costs itself alone."""
+    """Divide recordings into stretches; if there are several, an unusable one is skipped."""
     found: list[tuple[Path, Experiment]] = []
     for path, trace in traces:
         with isolated("recording", path.name) if len(traces) > 1 else nullcontext():
@@ -437,7 +441,8 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     console.say(f"{verdict_line(found)}\n")
     for fault in found.faults:
         console.say(fault.sentence)
-    console.say(found.located.sentence)
+    if where := whereabouts(found):
+        console.say(where)
     rows = [
         [
             effect_at(found, f.effect, f.at),
@@ -455,7 +460,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
             Column("95 %"),
             Column("sigma"),
         ]
-        console.table("\nWhat was found", columns, rows)
+        console.table("\nEffects found", columns, rows)
         for f in found.findings:
             if worth := worth_in_words(f):
                 console.say(f"{effect_at(found, f.effect, f.at)}: {worth}")
@@ -468,7 +473,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         console.say(scale)
     console.say(f"\n{improvement(found)}")
     whens = WHEN if found.findings else WHEN[:2]
-    heads = ("device file", "refitted", "with what was found")[: len(whens)]
+    heads = ("device file", "refitted", "with the found effects")[: len(whens)]
     runs = found.whole_runs
     law = ("law",) if runs and "law" in runs[0].errors else ()
     rows = [

@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 class Explained:
     """A fitted model on one recording: innovations and free-run errors (ticks, o).
 
-    What is not predicted (the observer settles, a free run's state is sought) is not a number.
+    Samples without a prediction (the observer settles, a free run's state is sought) are NaN.
     """
 
     innovation: Floats

@@ -1,4 +1,4 @@
-"""What a diagnosis says of stretches of a recording, as annotations of its log."""
+"""The findings of a diagnosis on stretches of a recording, as annotations of its log."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -16,7 +16,7 @@ Mark = tuple[float, float, Severity, str, Mapping[str, str]]
 
 
 def marks_of(found: Diagnosis, e: Experiment, first_s: float) -> list[Annotation]:
-    """Return what is said of one stretch of a recording, in the recording's own time.
+    """Return the annotations of one stretch of a recording, in the recording's own time.
 
     first_s: time of the recording's first sample [s]. Of what lasts all the time the whole stretch
     is marked. Names are mark_1, mark_2 ..., which the log's channels have, too.
@@ -54,7 +54,7 @@ def _marks(found: Diagnosis, e: Experiment) -> Iterator[Mark]:
     for run in found.whole_runs:
         if run.recording == e.name and run.held_out:
             last = run.begins + (run.measured.size - 1) * run.period
-            yield run.begins, last, "info", "kept out of the fit, and judges it", {}
+            yield run.begins, last, "info", "kept out of the fit, to judge it", {}
             break  # each output has a run
     yield from _dense(found)
 

@@ -28,10 +28,24 @@ from zwidth.diagnosis.answer.words import (
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
-from zwidth.diagnosis_summary import SHORT, how_sure, missing, title, what_now, with_law, worth
+from zwidth.diagnosis.noise.predictor import window
+from zwidth.diagnosis_summary import (
+    SHORT,
+    how_sure,
+    law_errors,
+    missing,
+    no_better,
+    title,
+    what_now,
+    whereabouts,
+    with_law,
+    worse_runs,
+    worth,
+)
 from zwidth.files.whole import write_text
 from zwidth.report_curves import curves_of, program
 from zwidth.report_page import embedded, page
+from zwidth.sim.device_file import commented_text
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import interval, most, number, of_the_motion, percent, plain, with_unit
@@ -53,18 +67,20 @@ WORDS = {
 NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b")
 RIVALS = 6  # of a finding that are listed
 HELD = {
-    "held out": "the last 30 % of each recording, or the recordings of --validate, kept out of it",
+    "held out": (
+        "data kept out of it: the last 30 % of each recording, or the recordings of --validate"
+    ),
     "not judged alone": "data kept out of the fit, too short for a separate run",
 }
-INTERRUPTED = "interrupted, so only what was found until then"
+INTERRUPTED = "interrupted, so this is the result so far"
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Lines to type, and files: what the reader of a report can do next.
+    """Command lines and files for the next steps of a report's reader.
 
     again: computes the report again; explore: opens both devices side by side; improved: the path
-    of the improved device, "" where none was written; device: the path or name of the device that
+    of the improved device, "" if none was written; device: the path or name of the device that
     the recordings were compared with; read: the file that says how each recording was read;
     assumed: what that assumes because the recordings do not say it.
     """
@@ -119,7 +135,11 @@ def save_report(
         title=title(diagnosis),
         missing=missing(diagnosis),
         sure=how_sure(diagnosis, in_words(diagnosis.sentence)),
-        worth=worth(diagnosis.free_run, bool(diagnosis.findings), law_errors(diagnosis)),
+        worth=worth(diagnosis),
+        where=whereabouts(diagnosis),
+        short=_short_run(diagnosis),
+        horizons=_horizons(diagnosis),
+        improved=commented_text(diagnosis.device) if commands.improved else "",
         law=law_errors(diagnosis),
         now=what_now(diagnosis, commands.improved),
         assumptions=assumptions(diagnosis, commands),
@@ -147,7 +167,7 @@ def save_report(
 def save_unanswered(
     unanswered: Unanswered, device: str, recordings: Sequence[str], again: str, path: Path
 ) -> Path:
-    """Write the report where an error left nothing to conclude; again: the line to type."""
+    """Write the report of a diagnosis that failed; again: the command line to repeat it."""
     text = page(
         "diagnosis_unanswered.html",
         {"sentence": sentence},
@@ -160,6 +180,7 @@ def save_unanswered(
     return write_text(path, text)
 
 
+NARROW = " narrow"  # after the name of a picture, for the one that a phone shows
 PICTURES = ("motion", "missing force", "residual", "friction", "law", "force", "boundary")
 
 
@@ -169,15 +190,16 @@ def _pictures(
     """The pictures by their names, "" for one that there is not, or that failed."""
     # matplotlib is loaded here and no earlier: what fails before needs no picture.
     from zwidth.figures import diagnosis as figures
+    from zwidth.figures.narrow import narrow_bytes
     from zwidth.figures.style import picture_bytes
 
     rotary, named = diagnosis.device.rotary, bool(diagnosis.findings)
     draw: dict[str, Callable[[], Figure]] = {}
-    if diagnosis.located.maps:
+    if diagnosis.located.maps and whereabouts(diagnosis):
         draw["missing force"] = lambda: figures.force_map_figure(diagnosis.located, rotary)
     if diagnosis.whole_runs:
         draw["motion"] = lambda: figures.whole_run_figure(diagnosis.whole_runs[0], named)
-    draw["residual"] = lambda: figures.residual_figure(diagnosis.residuals)
+    draw["residual"] = lambda: figures.residual_figure(diagnosis.residuals, named)
     if diagnosis.force_errors:
         draw["force"] = lambda: figures.force_error_figure(diagnosis.force_errors[0], named)
     with isolated("picture", "friction"):
@@ -205,8 +227,23 @@ def _pictures(
     for name, figure in draw.items():
         if name not in drawn:
             with isolated("picture", name):
-                drawn[name] = embedded(picture_bytes(figure()))
-    return {name: drawn.get(name, "") for name in dict.fromkeys((*PICTURES, *draw))}
+                picture = figure()
+                drawn[name] = embedded(picture_bytes(picture))
+                drawn[name + NARROW] = embedded(narrow_bytes(picture))
+    names = dict.fromkeys((*PICTURES, *draw))
+    return {n: drawn.get(n, "") for name in names for n in (name, name + NARROW)}
+
+
+def _short_run(diagnosis: Diagnosis) -> str:
+    """How long a short free run is: "0.5 s"."""
+    lengths = sorted({window(e) * e.period for e in diagnosis.experiments})
+    return " to ".join(plain(s, 2) for s in dict.fromkeys((lengths[0], lengths[-1]))) + " s"
+
+
+def _horizons(diagnosis: Diagnosis) -> str:
+    """Over how long the effects were compared with the answer without them: "0.05 s and 2 s"."""
+    horizons = sorted({f.worth.horizon for f in diagnosis.findings if f.worth and f.worth.pays})
+    return " and ".join(f"{plain(s, 3)} s" for s in horizons)
 
 
 def _curves(diagnosis: Diagnosis) -> list[dict[str, Any]]:
@@ -218,25 +255,25 @@ def _curves(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
-    """What the answer takes for granted, and where each can be corrected; without full stops."""
+    """The assumptions of the answer, and where each can be corrected; without full stops."""
     samples = sum(e.command.shape[0] for e in diagnosis.experiments)
     count = len(diagnosis.experiments)
     said = [f"{samples} samples in {count} recording{'s' if count > 1 else ''}"]
     if commands.read:
         files = " and ".join(commands.read)
-        said[0] += f"; {files} says which columns are time, command and motion, and in which units"
+        said[0] += f"; {files} states which columns are time, command and motion, and their units"
     compared = commands.device or diagnosis.device.name
     said.append(
-        f"masses, springs and dampers start from {compared} and may move as far as its"
+        f"masses, springs and dampers start from {compared} and may change as far as its"
         " [uncertainty] allows"
     )
     if "gain" not in diagnosis.linear_refit:
         said.append(
-            "the scale of the command is exact; if it is off by 3 %, every force, mass, spring and"
-            " damper is off by 3 % (command_scale in [uncertainty] says otherwise)"
+            "the scale of the command is taken as exact: if it is wrong by 3 %, every force, mass,"
+            " spring and damper is wrong by 3 % (command_scale in [uncertainty] leaves it open)"
         )
     held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
-    said.append(f"the fit is judged by {HELD[held]}; the intervals are 95 %")
+    said.append(f"the fit is judged on {HELD[held]}; the intervals are 95 %")
     return [*commands.assumed, *said]
 
 
@@ -300,7 +337,7 @@ def linear_words(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def gain_sentence(diagnosis: Diagnosis) -> str:
-    """Say by how much more the command counts than the device file says, "" where it may be one."""
+    """A sentence on the fitted gain of the command over the device file's, "" if it may be 1."""
     _, gain = diagnosis.linear_refit.get("gain", (1.0, Estimate(1.0, 1.0, 1.0)))
     if gain.lower <= 1.0 <= gain.upper or not math.isfinite(gain.upper - gain.lower):
         return ""
@@ -319,8 +356,8 @@ def scale_sentence(diagnosis: Diagnosis) -> str:
         return ""
     _, gain = diagnosis.linear_refit["gain"]
     return (
-        f"the command's scale: {estimate(gain)}; forces, masses, springs and dampers all scale"
-        " with it"
+        f"the command's scale: {estimate(gain)}; forces, masses, springs and dampers are"
+        " all proportional to this scale"
     )
 
 
@@ -329,38 +366,46 @@ def linear_rows(diagnosis: Diagnosis) -> dict[str, tuple[float, Estimate]]:
     return {k: both for k, both in diagnosis.linear_refit.items() if k != "gain"}
 
 
-def law_errors(diagnosis: Diagnosis) -> tuple[float, float] | None:
-    """Errors of short free runs with and without the law that has no name; None without a law."""
-    learned = diagnosis.learned
-    return None if learned is None else (learned.law.after, learned.names.after)
-
-
 def improvement(found: Diagnosis) -> str:
-    """Say how much smaller the error on held-out data became."""
-    if (law := law_errors(found)) is not None:
-        return with_law(*law)
+    """Say how much smaller the error on held-out data became, and which whole run got worse."""
+    worse = worse_runs(found)
+    return f"{_improvement(found)}; {worse}" if worse else _improvement(found)
+
+
+def _improvement(found: Diagnosis) -> str:
     fit = found.free_run
+    if (law := law_errors(found)) is not None:
+        none = ", no better than with the refit alone" if no_better(found) else ""
+        return f"{with_law(*law)}{none}"
     if not fit.after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(fit.after):
-        return "free runs on held-out data diverge with what was found"
+        return "with the found effects added, free runs on held-out data diverge"
     if math.isinf(fit.refit):
         errs = of_the_motion(fit.after)
         return (
-            f"free runs on held-out data diverge after the refit alone; with what was found"
-            f" their error"
-            f" is {errs}"
+            "free runs on held-out data diverge after the refit alone; with the found effects"
+            f" added, their error is {errs}"
         )
     if not found.findings:
         less = fit.before / fit.refit
-        if not 1.02 < less < math.inf:
-            return f"{SHORT}: {of_the_motion(fit.refit)}, refitted or not"
+        if no_better(found):
+            return (
+                f"{SHORT}: {of_the_motion(fit.refit)} after the refit, no better than with the"
+                f" device file ({percent(fit.before)})"
+            )
+        if not less < math.inf:
+            return f"{SHORT}: {of_the_motion(fit.refit)} after the refit"
         return (
             f"{SHORT}: {of_the_motion(fit.refit)} after the refit,"
             f" {plain(less, 3)} times smaller than with the device file"
         )
-    if fit.refit <= 1.02 * fit.after:
-        return "free runs on held-out data are no better than with the refit alone"
+    if no_better(found):
+        file = f", {percent(fit.before)} with the device file" if fit.before < fit.after else ""
+        return (
+            f"{SHORT}: {of_the_motion(fit.after)}, no better than with the refit alone"
+            f" ({percent(fit.refit)}{file})"
+        )
     return (
         f"{SHORT}: {of_the_motion(fit.after)},"
         f" {plain(fit.refit / fit.after, 3)} times smaller than with the refit alone"
@@ -373,7 +418,7 @@ def error(size: float, unit: str) -> str:
 
 
 def _sigma(value: float) -> str:
-    return f"{value:.0f} sigma" if math.isfinite(value) else "by how many sigma is not known"
+    return f"{value:.0f} sigma" if math.isfinite(value) else "an unknown number of sigma"
 
 
 def sentence(text: str) -> str:

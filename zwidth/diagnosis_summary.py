@@ -2,13 +2,14 @@
 
 import math
 
-from zwidth.diagnosis.answer.result import Diagnosis, HeldOut, NextExperiment, Verdict
+from zwidth.diagnosis.answer.result import Diagnosis, NextExperiment, Verdict
 from zwidth.diagnosis.answer.words import effect_in_words, place_in_words
 from zwidth.sim.place import place_at
-from zwidth.sim.readable import most, of_the_motion, percent, plain
+from zwidth.sim.readable import most, of_the_motion, percent, plain, with_unit
 
 ENOUGH = 5.0  # sigma from which two explanations count as told apart
 LISTED = 3  # effects in a title
+BETTER = 1.02  # times smaller an error has to become to be called better; as many larger, worse
 SHORT = "error of short free runs on held-out data"
 TITLES = {
     Verdict.NOTHING_MISSING: "Nothing is missing that this recording could show",
@@ -20,7 +21,7 @@ TITLES = {
 WITH = {
     Verdict.IDENTIFIED: "Missing",
     Verdict.CONFUSABLE: "Possibly missing",
-    Verdict.UNKNOWN_PHYSICS: "Something unnamed is missing beside",
+    Verdict.UNKNOWN_PHYSICS: "Something without a name is missing besides",
     Verdict.RECORDING_FAULT: "The recording is at fault; also missing",
     Verdict.UNDECIDED: "Undecided; so far",
 }
@@ -52,19 +53,33 @@ def missing(found: Diagnosis) -> str:
     return found.headline if law is None else found.headline.replace(f"; {law.worth}", "")
 
 
+def whereabouts(found: Diagnosis) -> str:
+    """Say what the missing force depends on; "" where the effects found say it better.
+
+    The search for that force uses the refitted device without effects.
+    """
+    if found.findings and found.verdict is not Verdict.UNKNOWN_PHYSICS:
+        return ""
+    return found.located.sentence
+
+
 def how_sure(found: Diagnosis, sentence: str) -> str:
     """Say how certain the answer is, by the least certain of its effects. sentence: the verdict's.
 
-    Without a full stop, as the others.
+    Without a full stop, as the others. Does not repeat what the headline says; may be "".
     """
     if found.verdict is not Verdict.IDENTIFIED or not found.findings:
-        return f"{sentence}{_explained(found)}"
+        if sentence.lower() not in missing(found).lower():
+            return f"{sentence}{_explained(found)}"
+        unknown = found.verdict is Verdict.UNKNOWN_PHYSICS
+        none = "no effect of the library explains it" if unknown and not found.findings else ""
+        return (none + _explained(found)).removeprefix(". ")
     sigma = min(f.separation_sigma for f in found.findings)
     chances = [f.probability for f in found.findings if f.probability is not None]
     chance = f"the probability is {most(min(chances))}; " if chances else ""
     which = "the least certain effect" if len(found.findings) > 1 else "the effect"
     if not sigma < math.inf:
-        return f"{sentence}: its distance from the next explanation is not known"
+        return f"{sentence}: the distance from the next explanation is not known"
     return f"{chance}{which} improves the fit by {sigma:.0f} sigma ({ENOUGH:.0f} are required)"
 
 
@@ -77,29 +92,84 @@ def _explained(found: Diagnosis) -> str:
     return f". The named effects explain {share} of the error"
 
 
-def worth(fit: HeldOut, named: bool, law: tuple[float, float] | None = None) -> str:
-    """Say how far free runs are off on data that were kept out of the fit, before and after.
+def law_errors(found: Diagnosis) -> tuple[float, float] | None:
+    """Errors of short free runs with and without the law that has no name; None without a law."""
+    learned = found.learned
+    return None if learned is None else (learned.law.after, learned.names.after)
 
-    law: their errors over the motion with the law that has no name, and without it.
-    """
+
+def no_better(found: Diagnosis) -> bool:
+    """Whether free runs on held-out data gain nothing from what was added, or from the refit."""
+    after, before = _compared(found)
+    return 0.0 < before <= BETTER * after < math.inf
+
+
+def _compared(found: Diagnosis) -> tuple[float, float]:
+    """Errors of short free runs with what was added to the device, and without it."""
+    fit, law = found.free_run, law_errors(found)
+    if law is not None:
+        return law[0], fit.refit
+    return (fit.after, fit.refit) if found.findings else (fit.refit, fit.before)
+
+
+def worse_runs(found: Diagnosis) -> str:
+    """Say which whole run got worse than with the device file, the worst of them; "" for none."""
+    if found.verdict is Verdict.NOTHING_MISSING:  # nobody is to use the refitted device then
+        return ""
+    worse: list[tuple[float, str]] = []
+    for run in found.whole_runs:
+        errors = run.errors
+        before, after = errors["before"], errors.get("law", errors["after"])
+        if not after > BETTER * before:
+            continue
+        grown = math.inf if not before > 0.0 else after / before
+        now = "without bound" if math.isinf(after) else with_unit(after, run.unit, 3)
+        output = f"{run.output.replace('_', ' of ')} in {run.recording}"
+        said = f"the error of the {output} is {now}, and {with_unit(before, run.unit, 3)}"
+        worse.append((grown, f"over the whole run, {said} with the device file: it got worse"))
+    return max(worse, default=(0.0, ""))[1]
+
+
+def doubtful(found: Diagnosis) -> list[str]:
+    """Reasons not to expect better simulations from the improved device, most serious first."""
+    fit, after = found.free_run, _compared(found)[0]
+    reasons: list[str] = []
+    if after > BETTER * fit.before:
+        reasons.append("its free runs on held-out data are worse than with the device file")
+    elif no_better(found):
+        reasons.append("its free runs on held-out data are no better")
+    if worse_runs(found):
+        reasons.append("over a whole run it is worse than the device file")
+    return reasons
+
+
+def worth(found: Diagnosis) -> str:
+    """Say how far free runs are off on data that were kept out of the fit, before and after."""
+    fit, named, law = found.free_run, bool(found.findings), law_errors(found)
     after = fit.after if named else fit.refit
     if not after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(after):
         return "free runs of this model diverge on held-out data; do not simulate with it"
     noise = f"; noise alone would cause {percent(fit.noise_floor)}" if fit.noise_floor > 0.0 else ""
+    run = f"; {run}" if (run := worse_runs(found)) else ""
     meaning = (
         " (a free run is simulated without correction; held-out data were kept out of the fit)"
     )
     if law is not None:
-        return f"{with_law(*law)}, as refitted {_off(fit.refit)}{noise}{meaning}"
-    what = "with what was found" if named else "as refitted"
-    rest = (
-        f"without it {percent(fit.refit)}" if named else f"as in the device file {_off(fit.before)}"
-    )
+        rest = f"{_off(fit.refit)} with the refit alone"
+        rest += ": no better" if no_better(found) else ""
+        return f"{with_law(*law)}, {rest}{noise}{meaning}{run}"
+    what = "with the found effects" if named else "after the refit"
+    base, reference = (fit.refit, "the refit alone") if named else (fit.before, "the device file")
+    rest = f"{_off(base)} with {reference}"
     if named and math.isinf(fit.refit):
-        rest = "without it they diverge"
-    return f"{SHORT}: {of_the_motion(after)} {what}, {rest}{noise}{meaning}"
+        rest = "while free runs of the refit alone diverge"
+    if no_better(found):
+        rest = f"no better than with {reference} ({_off(base)})"
+        if named and after > BETTER * fit.before:
+            rest += f", and worse than with the device file ({_off(fit.before)})"
+    return f"{SHORT}: {of_the_motion(after)} {what}, {rest}{noise}{meaning}{run}"
 
 
 def with_law(law: float, names: float) -> str:
@@ -124,8 +194,15 @@ def what_now(found: Diagnosis, improved: str) -> list[str]:
         steps.append("record more, or give a second recording with --validate")
     if improved and found.verdict is not Verdict.NOTHING_MISSING:
         trust = found.verdict in (Verdict.IDENTIFIED, Verdict.LINEAR_PARAMETERS)
-        use = "take the improved device" if trust else "use with care the partly improved device"
-        steps.append(f"{use} {improved}, which every zwidth command accepts")
+        use = f"use the improved device {improved}"
+        use = use if trust else f"use the partly improved device {improved} with care"
+        if reasons := " and ".join(doubtful(found)):
+            steps.append(
+                f"do not rely on the improved device {improved} yet: {reasons}; compare it with the"
+                " device file on another recording before you simulate with it"
+            )
+        else:
+            steps.append(f"{use}; every zwidth command accepts it")
     if found.next_experiment is not None:
         steps.append(next_sentence(found.next_experiment))
     if found.next_level is not None:
@@ -138,7 +215,7 @@ def what_now(found: Diagnosis, improved: str) -> list[str]:
 
 
 def next_sentence(planned: NextExperiment | None) -> str:
-    """Say what to record next, and whether that would decide; "" where nothing is in doubt."""
+    """Say what to record next, and whether that would decide; "" if nothing is in doubt."""
     if planned is None:
         return ""
     a, b = (effect_in_words(label).replace("@", " at ") for label in planned.separates)

@@ -55,10 +55,10 @@ def described(
     doubts: list[str] | None = None,
     name: str | None = None,
 ) -> Path:
-    """Return a recording that can be read as it is: the file itself, or a TOML made for it.
+    """Return the file itself if it is readable as it is, else a recording TOML made for it.
 
     The TOML is OUT/NAME.recording.toml; name: another name of it. joint: which to take, of a file
-    with several. doubts: takes what was assumed of it, in sentences. Raises LogError where the file
+    with several. doubts: takes what was assumed of it, in sentences. Raises LogError if the file
     cannot be read or nothing in it moves.
     """
     if path.suffix.lower() == ".toml":
@@ -68,7 +68,7 @@ def described(
         return path
     target = out / (name or f"{path.stem}.recording.toml")
     if edited(target):
-        console.note(f"{path.name} is read as {target} says, which you edited")
+        console.note(f"{path.name} is read as described in {target}, which you edited")
         return target
     guess = _guess(found, _relative(path, target.parent), asker(), joint)
     console.note(f"{path.name}, {found.kind}, is read as:")
@@ -83,13 +83,13 @@ def described(
 
 
 def _guess(source: Source, file: str, ask: Ask | None, joint: str | None = None) -> Assumed:
-    """What a file is taken for, by its names and then by whether the numbers allow that."""
+    """The guessed description of a file, by its names, checked against its numbers."""
     guess = assumed(source, file, ask, joint)
     return with_integral(in_their_places(guess, source), source)
 
 
 def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple[Trace, list[str]]:
-    """Return a recording of any kind, and what was assumed of it, without writing a file.
+    """Return a recording of any kind and the assumptions about it, without writing a file.
 
     ask: where somebody can answer. joint: which to take, of a file with several. Raises LogError
     where it cannot be read.
@@ -109,7 +109,7 @@ def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple
 def taken_table(
     table: AnyTable, given: Mapping[str, str], joint: str | None = None
 ) -> tuple[Trace, list[str]]:
-    """Return a table that a program holds as a recording, and what was assumed of it.
+    """Return a table in memory as a recording, and the assumptions about it.
 
     given: time, command, position or velocity -> its column. Raises LogError.
     """
@@ -124,14 +124,13 @@ def device_of(
 ) -> tuple[Path, Device, bool]:
     """Return a device that is fitted to recordings, its file OUT/NAME.device.toml, and True.
 
-    Where that file stands there, edited, the device in it, and False. recordings: name and trace of
-    each, the first of which gives the name. Raises ValueError where they do not say what a device
-    is.
+    If the user has edited that file, its device is returned, and False. recordings: name and trace
+    of each; the first gives NAME. Raises ValueError if no device can be fitted.
     """
     stem = recordings[0][0]
     target = out / f"{stem}.device.toml"
     if edited(target):
-        console.note(f"the device is that of {target}, which you edited")
+        console.note(f"using the device in {target}, which you edited")
         return target, load_device(target), False
     device, said = fitted(recordings)
     for line in said:
@@ -142,16 +141,16 @@ def device_of(
 
 
 def kept(refitted: Device, path: Path) -> Device:
-    """Write a device that was refitted in the place of the one it began as, and return it."""
+    """Write a refitted device over the file of the one it started from, and return it."""
     device = replace(refitted, uncertainty=FITTED, band=None, posterior=None)
     write_text(path, commented_text(device))
     return device
 
 
 def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
-    """Return a device that is fitted to recordings, and what is to be said of it.
+    """Return a device fitted to recordings, and notes on the fit.
 
-    Raises ValueError where they do not say what a device is.
+    Raises ValueError if no device can be fitted.
     """
     stem = recordings[0][0]
     traces = [trace for _, trace in recordings]
@@ -185,7 +184,7 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
 def _fitted_loop(
     recordings: Sequence[tuple[str, Trace]], motions: Sequence[Motion], rotary: bool
 ) -> tuple[Device, list[str]]:
-    """Return a device whose command is a goal, fitted, and what is to be said of it."""
+    """Return a fitted device whose command is a goal, and notes on the fit."""
     stem, loop = recordings[0][0], first_loop(motions)
     mass = Device(
         f"{stem}, as fitted",
@@ -208,7 +207,7 @@ def _fitted_loop(
     )
     said = [
         f"no device is given: the command is {kind} a position loop on one"
-        f' mass is taken ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
+        f' mass is assumed ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
         f" with{late} friction and limits left to the diagnosis, the error of its free run is"
         f" {100.0 * loop.error:.3g} % of the motion",
         f"a goal does not determine the scale: m1 is set to 1 {unit}",
@@ -217,7 +216,7 @@ def _fitted_loop(
 
 
 def asker() -> Ask | None:
-    """Return who asks a person at a terminal; None where nobody could answer."""
+    """Return a function that asks a person at a terminal; None if nobody could answer."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return None
 
@@ -230,7 +229,7 @@ def asker() -> Ask | None:
 
 
 def edited(path: Path) -> bool:
-    """Whether a file stands there that this command may not write over: somebody made it."""
+    """Whether a user has made or edited this file, so that a command may not overwrite it."""
     try:
         check(path)
     except Protected:
@@ -252,8 +251,8 @@ def _rotary(name: str, trace: Trace) -> bool:
     if "m" in units:
         return False
     raise ValueError(
-        f"{name} does not say whether the device turns or slides; say rotary in its TOML, or give"
-        " --device"
+        f"nothing in {name} shows whether the device turns or slides; set rotary in its TOML, or"
+        " give --device"
     )
 
 
@@ -290,6 +289,6 @@ def _why(found: FirstDevice) -> str:
         for i, error in enumerate(found.errors)
     )
     return (
-        f"{ONE_TO_THREE[masses - 1]} {'is' if masses == 1 else 'are'} taken (error of the speed in"
-        f" free runs of {found.window:.3g} s that were not fitted: {errors})"
+        f"{ONE_TO_THREE[masses - 1]} {'is' if masses == 1 else 'are'} assumed (error of the speed"
+        f" in free runs of {found.window:.3g} s over data that were not fitted: {errors})"
     )

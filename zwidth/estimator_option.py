@@ -1,4 +1,4 @@
-"""The option that says what makes a device's velocity of its readings."""
+"""The option for the estimator of a device's velocity."""
 
 import math
 from typing import Any
@@ -21,17 +21,18 @@ def estimator_option(command: Any) -> Any:
     return click.option(
         "--estimator", metavar="NAME[:KEY=X,...]", default=None,
         help="How the velocity is computed from the readings. Default: the device's. One of"
-        f" {', '.join(ESTIMATORS)}. KEY: window, band, noise, acceleration; what is left out"
-        " follows from the encoder's step and the largest force.",
+        f" {', '.join(ESTIMATORS)}. KEY: window, band, noise, acceleration; what is left out is"
+        " computed from the encoder's step and the largest force.",
     )(command)  # fmt: skip
 
 
 def with_estimator(device: Device, asked: str | None) -> Device:
     """Return a device with the estimator "NAME:KEY=X,..", unchanged for None.
 
-    What is left out: a window of `USUAL_WINDOW` samples, a band of one encoder step, the noise of
-    its rounding, and as acceleration (of levant and kalman) the largest force over all masses.
-    Raises ValueError for what is not known, not taken, or does not follow from the device.
+    Defaults: a window of `USUAL_WINDOW` samples, a band of one encoder step, the noise of its
+    rounding, and as acceleration (of levant and kalman) the largest force over all masses. Raises
+    ValueError for an unknown name or key, a value that is not allowed, or a default that the device
+    does not determine.
     """
     if asked is None:
         return device
@@ -43,9 +44,9 @@ def with_estimator(device: Device, asked: str | None) -> Device:
     for key, value in settings.items():
         if value is None:
             why = {
-                "acceleration": "does not follow from the device's largest force",
-                "noise": "does not follow from an encoder, which the device does not have",
-                "band": "does not follow from an encoder, which the device does not have",
+                "acceleration": "cannot be computed from the device's largest force",
+                "noise": "is computed from the encoder step, which the device does not have",
+                "band": "is computed from the encoder step, which the device does not have",
             }[key]
             raise ValueError(f"--estimator {name} needs {key}, which {why}: give {name}:{key}=X")
     return device.with_interface(
@@ -56,7 +57,7 @@ def with_estimator(device: Device, asked: str | None) -> Device:
 
 
 def say_without_theory(console: Console, device: Device) -> None:
-    """Say why nothing stands in the place of linear theory, where it does not take the device."""
+    """Say why there is no linear theory, if it does not apply to the device."""
     if not has_theory(device):
         console.note(
             f"there is no linear theory for {device.interface.velocity_estimator}, whose gain"

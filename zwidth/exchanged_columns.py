@@ -50,7 +50,7 @@ def in_their_places(guess: Assumed, source: Source) -> Assumed:
         command, position = said["input"]["signal"], outputs[0]["signal"]
         doubt = (
             f"{command} moves like a mass and {position} jumps like a command: the two columns are"
-            " taken the other way round than their names say, each in the unit of its place"
+            " exchanged against their names, each in the unit of its place"
         )
         text = _exchanged(guess.text, command, position)
         roles = [
@@ -75,7 +75,7 @@ def _moves_the_other_way(text: str, source: Source) -> bool:
 def _one_mass(trace: Trace) -> Device:
     """Return the mass and the damper of a recording by least squares.
 
-    Raises ValueError where it is too short.
+    Raises ValueError if it is too short.
     """
     used, _ = longest_stretch(trace, ("command", MOTION), "the recording")
     period = examine(used.t).period

@@ -26,19 +26,19 @@ class Heartbeat:
         self._held, self._width = 0, 0
 
     def start(self) -> None:
-        """Begin to beat."""
+        """Start the heartbeat."""
         self._begun = self._said = time.monotonic()
         self._doing, self._over = "starting", threading.Event()
         threading.Thread(target=self._beat, args=(self._over,), daemon=True).start()
 
     def stop(self) -> None:
-        """Say no more: the command waits for its user, or has ended."""
+        """Stop the heartbeat: the command waits for its user, or has ended."""
         if self._over is not None:
             self._over.set()
         self.said()
 
     def said(self, doing: str = "") -> None:
-        """Take notice that something is about to be printed; wipes the line of a terminal.
+        """Note that something is about to be printed; clears the terminal's line.
 
         doing: what is begun, where that is what is printed.
         """
@@ -57,7 +57,7 @@ class Heartbeat:
 
     @contextmanager
     def held(self) -> Generator[None]:
-        """Say nothing within: a progress bar moves by itself."""
+        """Write nothing within the block: a progress bar already moves."""
         self.said()
         self._held += 1
         try:

@@ -100,7 +100,7 @@ def diagnose_joints(
 def several_joints(path: Path) -> Joints:
     """Return the joints of a file; raises RecordingError for one of zwidth or described by hand."""
     if path.suffix.lower() == ".toml":
-        raise RecordingError(f"{path.name} already names its joint; leave --joint out")
+        raise RecordingError(f"{path.name} already gives its joint; leave --joint out")
     found = own_log(path)
     if not isinstance(found, Source):
         raise RecordingError(f"{path.name} is a log of one device; leave --joint out")

@@ -67,7 +67,7 @@ class ModelRuns:
         self.steps = steps
 
     def __call__(self, e: Experiment, band: Band) -> Windows:
-        """Return the free runs over a recording's windows. Raises NoObserver where none follows."""
+        """Return the free runs over a recording's windows. Raises NoObserver if none follows."""
         model, device = Model(self.device), self.device
         x = np.zeros(len(model.parameters))
         built, seen = model.acting(x), model.seen(e, x)

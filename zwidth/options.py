@@ -14,7 +14,8 @@ from click.core import ParameterSource
 from zwidth.files import protection
 from zwidth.files.whole import check_folder
 
-# What begins like a number is meant as one: `--delay-ms 2 4x` is a wrong delay, not a device "4x".
+# A word that begins like a number counts as one: `--delay-ms 2 4x` is a wrong delay, not a device
+# "4x".
 LIKE_A_NUMBER = re.compile(r"[+-]?(\d|\.\d|nan\b|inf)", re.IGNORECASE)
 
 
@@ -45,7 +46,7 @@ class Quantity(click.ParamType[float]):
             least = (
                 f"a number above {self.minimum:g}" if self.above else f"{self.minimum:g} or more"
             )
-            self.fail(f"{value} is not allowed, give {least} [{self.unit}].", param, ctx)
+            self.fail(f"{value} is not allowed; give {least} [{self.unit}].", param, ctx)
         return number
 
 
@@ -66,11 +67,11 @@ class Quantities(click.Option):
         """Refuse a grid that does not rise, and a number given twice."""
         for earlier, later in pairwise(value):
             if self.rising and not later > earlier:
-                message = f"{later:g} follows {earlier:g}, give the numbers in rising order."
+                message = f"{later:g} comes after {earlier:g}; give the numbers in rising order."
                 raise click.BadParameter(message, ctx, param)
         for number in value:
             if value.count(number) > 1:
-                message = f"{number:g} is given twice, give each number once."
+                message = f"{number:g} is given twice; give each number once."
                 raise click.BadParameter(message, ctx, param)
         return value
 
@@ -174,7 +175,7 @@ def out_option(default: str) -> Callable[[Any], Any]:
         default=default,
         show_default=True,
         callback=_writable,
-        help="Folder for the results; it is made if it does not exist.",
+        help="Folder for the results; it is created if it does not exist.",
     )
 
 
@@ -189,9 +190,9 @@ def _writable(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
 
 
 def typed_line(context: click.Context) -> str:
-    """Return the line that asks a command again, complete: with its folder, every option given.
+    """Return the complete command line of this call: with its folder and every option given.
 
-    It can be copied to any terminal; what was not given stands on its default again.
+    It can be copied to any terminal; options that were not given have their defaults again.
     """
     words = ["zwidth", context.info_name or ""]
     for parameter in context.command.params:
@@ -212,5 +213,5 @@ def typed_line(context: click.Context) -> str:
 
 
 def in_this_folder(*words: str) -> str:
-    """Return a line to type as it stands: the paths in it hold where they were given."""
+    """Return a line to type anywhere: it first changes to the folder of its relative paths."""
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"

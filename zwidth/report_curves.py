@@ -10,7 +10,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.sim.readable import scaled
+from zwidth.figures.style import ON_DARK
+from zwidth.sim.readable import percent, scaled, with_unit
 
 MOST = 120_000  # numbers of all curves, so that a report stays below 3 MB
 DASHES = {"-": [], "--": [8, 4], ":": [2, 3]}
@@ -45,12 +46,22 @@ def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
         "measured": _encoded(factor * measured[::every]),
         "runs": [
             {
-                "label": label, "colour": to_hex(colour), "dashes": DASHES[dashes],
+                "label": label,
+                "colour": to_hex(colour), "dark": ON_DARK.get(colour, to_hex(colour)),
+                "dashes": DASHES[dashes], "rms": _rms(run, line),
                 "error": _encoded(factor * (run.simulated[line] - measured)[::every]),
             }
             for line, (label, colour, dashes) in lines.items()
         ],
     }  # fmt: skip
+
+
+def _rms(run: WholeRun, line: str) -> str:
+    """The error of a simulated run, as the picture's legend says it."""
+    size = run.errors[line]
+    if not np.isfinite(size):
+        return "runs away"
+    return f"error {with_unit(size, run.unit, 3)} rms ({percent(run.shares[line])})"
 
 
 def _encoded(values: NDArray[np.float64]) -> str:

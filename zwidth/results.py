@@ -1,4 +1,4 @@
-"""Results as programs read them: the JSON of ``--json``, stable from the first release.
+"""Results for programs: the JSON of ``--json``, stable from the first release.
 
 Numbers are SI; a name ends in its unit if that is no SI unit of the device itself; `None` means
 that there is none (no stable K), a missing key that it was not measured.
@@ -24,8 +24,8 @@ class Critical(msgspec.Struct, frozen=True):
 class Bracketed(msgspec.Struct, frozen=True, omit_defaults=True):
     """The boundary in the time domain: a K that is stable and one that is not.
 
-    unstable is None where the stiffest wall tried was still stable. grows_from: the starts from
-    which it grows [rad | m], absent where it does from all that were tried.
+    unstable is None if the stiffest wall tried was still stable. grows_from: the starts from which
+    the unstable wall grows [rad | m], absent if it grows from all that were tried.
     """
 
     stable: float
@@ -63,9 +63,9 @@ class Quantiles(msgspec.Struct, frozen=True):
 class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     """The boundary at one virtual damping B [N m s/rad | N s/m].
 
-    passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
+    passive: the stiffest passive wall, None if there is none; hand: K_CR over the range of hands
     at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
-    the parameters; felt: where a lasting oscillation begins to be felt, None where it is however
+    the parameters; felt: where a lasting oscillation begins to be felt, None if it is however
     soft the wall. Absent where not asked for. reason, felt_reason: why simulated and felt are None,
     in words.
     """
@@ -102,7 +102,7 @@ class Stiffest(msgspec.Struct, frozen=True, omit_defaults=True):
     linear_stiffness, linear_damping: the top by linear theory; frequency_below_hz and
     frequency_above_hz of it on either side of that B, which differ where the frequency jumps.
     last_stable_damping: the largest B tried with a stable K; linear_last_stable_damping by theory.
-    None where there is none. sentence: the answer in words; endings: the oscillation in which the
+    None if there is none. sentence: the answer in words; endings: the oscillation in which the
     boundary ends there by linear theory, on either side of the top where they differ; frequency_hz:
     of the oscillation in which it ends in the time domain; without: the stable K at the
     same B without each part that the device has (friction, play, encoder_step, velocity_step,
@@ -155,7 +155,7 @@ def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Po
 
 
 def bracketed(bracket: Bracket) -> Bracketed | None:
-    """Return a bracket, None where it has no stable K."""
+    """Return a bracket, None if it has no stable K."""
     if bracket.stable is None:
         return None
     starts = list(bracket.grows_from) or UNSET

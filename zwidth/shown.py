@@ -1,7 +1,7 @@
-"""What every result can do: become arrays, be drawn, be looked at.
+"""Common methods of results: conversion to arrays and tables, pictures, display.
 
-A result contains no code for this. Its table, arrays and pictures are defined in the package that
-`shown_by` names, one module a class, which is imported when it is first needed: xarray and
+A result class has no code for this. Its table, arrays and pictures are defined in the package given
+to `shown_by`, one module per class, which is imported when it is first needed: xarray and
 matplotlib take a second to load, and a simulation needs neither.
 """
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Views(Protocol):
-    """The package that knows what results look like."""
+    """The interface of the package that converts and draws results."""
 
     def text(self, result: Any) -> str:
         """Return a few lines for a terminal."""
@@ -50,7 +50,7 @@ _home: list[str] = []
 
 
 def shown_by(package: str) -> None:
-    """Name the package of the views."""
+    """Set the package of the views."""
     _home[:] = [package]
 
 
@@ -64,7 +64,7 @@ def fields_html(value: Any) -> str:
 
 
 class Valued:
-    """A value of a few fields, as results are made of: a table of them in a notebook."""
+    """A part of a result: a value of a few fields, shown as a table in a notebook."""
 
     __slots__ = ()
 
@@ -73,14 +73,14 @@ class Valued:
 
 
 class Shown:
-    """A result: `to_xarray`, `to_pandas`, `to_frame`, `plot`, a table where it is looked at."""
+    """A result with `to_xarray`, `to_pandas`, `to_frame` and `plot`, displayed as a table."""
 
     __slots__ = ()
 
     def to_xarray(self) -> "Dataset":
         """Return the numbers as an `xarray.Dataset`; `attrs["units"]` has the unit of each.
 
-        Raises ImportError where xarray is missing, with what to install.
+        Raises ImportError if xarray is missing, with what to install.
         """
         return _views().dataset(self)
 
@@ -89,24 +89,23 @@ class Shown:
 
         `attrs["units"]` has the units of its columns by their names.
 
-        Raises ImportError where pandas is missing, with what to install.
+        Raises ImportError if pandas is missing, with what to install.
         """
         return _views().frame(self)
 
     def to_frame(self, library: Literal["pandas", "polars"] | None = None) -> Any:
-        """Return the numbers of `to_pandas` as a data frame whose axes are columns, too.
+        """Return the numbers of `to_pandas` as a data frame with its axes as columns.
 
-        library: of whom the frame is, "pandas" or "polars"; without it that of pandas where it is
-        installed, else that of polars. Raises ValueError for another one, ImportError where it is
-        missing, with what to install.
+        library: "pandas" or "polars"; by default pandas if it is installed, else polars. Raises
+        ValueError for another one, ImportError, with what to install, if it is missing.
         """
         return _views().flat(self, library)
 
     def plot(self, picture: str | None = None) -> "Figure":
         """Return a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
 
-        picture: which one, where a result has several; by default the first of them. Raises
-        ValueError, which names them, for one that there is not.
+        picture: which one, if a result has several; by default the first. Raises ValueError with
+        the available names for an unknown one.
         """
         return _views().figure(self, picture)
 

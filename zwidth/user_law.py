@@ -20,7 +20,7 @@ class ControlLaw(click.ParamType[Step]):
         """Import the function, or fail with what is wrong."""
         module_name, colon, function = str(value).partition(":")
         if not (module_name and colon and function):
-            self.fail(f"{value} is not allowed, give module:function, such as my_wall:step.")
+            self.fail(f"{value} is not allowed; give module:function, such as my_wall:step.")
         folder = str(Path.cwd())
         sys.path.insert(0, folder)
         try:
@@ -40,5 +40,5 @@ class ControlLaw(click.ParamType[Step]):
 controller_option = click.option(
     "--controller",
     type=ControlLaw(),
-    help="Your own control law, where the scenario has kind = 'user'.",
+    help="Your own control law, for a scenario with kind = 'user'.",
 )

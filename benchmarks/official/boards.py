@@ -92,7 +92,7 @@ def placed(recordings: Path, folder: Path) -> Path:
     """Return a folder from which the loaders read the recordings' files without fetching any.
 
     recordings: the folder with `emps/DATA_EMPS.mat`, `official/DATA_EMPS_PULSES.mat` and
-    `official/SNLS80mV.csv`. Raises OSError where one is missing.
+    `official/SNLS80mV.csv`. Raises OSError if one is missing.
     """
     emps, box = folder / "EMPS", folder / "Silverbox" / "SilverboxFiles"
     for place in (emps, box):

@@ -207,7 +207,7 @@ def _prepared(s: Set, p: Problem, part: Part, window: int) -> Prepared:
 
 
 def _fitted(s: Set, p: Problem, part: Part, way: tuple[int, str, str, float]) -> Model | None:
-    """A model fitted in one way, None where PySINDy gives none."""
+    """A model fitted in one way, None if PySINDy gives none."""
     ps = importlib.import_module("pysindy")
     window, name, optimizer, threshold = way
     ready = _prepared(s, p, part, window)
@@ -251,7 +251,7 @@ def _named(term: str) -> Callable[..., str]:
 
 
 def _same_as_its_own(model: Any, found: Model) -> None:
-    """Raise ValueError where the free run's equation is not what PySINDy itself predicts."""
+    """Raise ValueError if the free run's equation is not what PySINDy itself predicts."""
     x, u = found.scale.states[:50], found.scale.command[:50]
     own = np.asarray(model.predict(x, u=u[:, None]))
     ours = np.column_stack([f(*x.T, u) for f in found.functions]) @ found.coefficients.T

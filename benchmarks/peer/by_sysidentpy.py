@@ -110,7 +110,7 @@ def _slow(command: Floats, every: int, ahead: int) -> Floats:
 
 
 def _fitted(part: Part, way: Way) -> Any:
-    """A model fitted in one way, None where SysIdentPy gives none."""
+    """A model fitted in one way, None if SysIdentPy gives none."""
     selection = importlib.import_module("sysidentpy.model_structure_selection")
     basis = importlib.import_module("sysidentpy.basis_function")
     estimators = importlib.import_module("sysidentpy.parameter_estimation")

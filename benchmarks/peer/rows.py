@@ -20,10 +20,10 @@ ROWS = "rows.json"
 
 
 class Row(msgspec.Struct, frozen=True):
-    """What a method reaches on a set: errors as in `sets.Error`, None where its run diverges.
+    """What a method reaches on a set: errors as in `sets.Error`, None if its run diverges.
 
     peer: what to run to get it; seconds of CPU of the fit, the choice of its settings included,
-    None where it came with another.
+    None if it came with another.
     """
 
     set: str
@@ -45,7 +45,7 @@ def row_of(error: Error, **rest: Any) -> Row:
 def kept(folder: Path) -> list[Row]:
     """Return the rows of a folder, none where nothing was computed.
 
-    Raises ValueError where the file is not one of rows.
+    Raises ValueError if the file is not one of rows.
     """
     path = folder / ROWS
     if not path.exists():
@@ -76,7 +76,7 @@ def keep_run(folder: Path, name: str, run: Floats) -> None:
 
 
 def kept_run(folder: Path, name: str) -> Floats:
-    """Return a series that was kept (ticks, o); raises OSError where it is not there."""
+    """Return a series that was kept (ticks, o); raises OSError if it is not there."""
     with np.load(folder / f"{file_name(name)}.npz") as file:
         return np.asarray(file["run"], dtype=np.float64)
 

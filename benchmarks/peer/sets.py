@@ -119,7 +119,7 @@ KINDS = {
 def read(name: str, recordings: Path) -> Set:
     """Return a set of the folder that has the published files, a folder a set.
 
-    Raises OSError or ValueError where a file is missing or is not what it should be.
+    Raises OSError or ValueError if a file is missing or is not what it should be.
     """
     kind = KINDS[name]
     device = load_device(kind.folder / "device.toml")
@@ -145,7 +145,7 @@ def read(name: str, recordings: Path) -> Set:
 class Error:
     """How far a free run is off, an output each: rms in its unit, and over the rms of the motion.
 
-    Infinite where the run has left the motion: where it is not finite, or errs beyond `DIVERGED`
+    Infinite if the run has left the motion: where it is not finite, or errs beyond `DIVERGED`
     times the motion about its mean.
     """
 
@@ -161,7 +161,7 @@ class Error:
 def judged(measured: Floats, foretold: Floats) -> Error:
     """Return the error of what was foretold (ticks, o) of what was measured (ticks, o).
 
-    Raises ValueError where the two differ in shape: nobody may leave samples out.
+    Raises ValueError if the two differ in shape: nobody may leave samples out.
     """
     if measured.shape != foretold.shape:
         raise ValueError(

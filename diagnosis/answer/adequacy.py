@@ -4,34 +4,34 @@ The hypothesis of least cost may still be wrong: it is only the best of those th
 is right, its free runs on held-out data err as much as its noise and the uncertainty of its
 parameters predict, and no more. A parametric bootstrap predicts that error (Gelman, Meng & Stern,
 Statistica Sinica 6, 1996): parameters are drawn from their covariance, and the device so drawn is
-simulated under the same command with innovations e of the fitted noise process, of which L is the
-gain of the observer and W the filters that whiten,
+simulated under the same command with innovations e of the fitted noise process; with the observer's
+gain L and the whitening filters W,
 
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
-w with the covariance of the one-step errors of the recordings. The answer's free runs on y are then
-computed as those on the recording. Let T be the log rms error over runs of one length, and T_i the
-same of R draws. The answer is adequate if for all lengths
+where w has the covariance of the recordings' one-step errors. The answer's free runs on y are then
+computed as on the recording. Let T be the log rms error over runs of one length, and T_i the same
+for each of R draws. The answer is adequate if for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
-t is the quantile of Student's t with R - 1 degrees of freedom that is exceeded with probability
-ALPHA. An error below one step of the encoder never makes an answer inadequate: in slow motion the
-rounding error stays constant for long, and the filters do not describe such noise.
+where t is the quantile of Student's t with R - 1 degrees of freedom that is exceeded with
+probability ALPHA. An error below one step of the encoder never makes an answer inadequate: in slow
+motion the rounding error stays constant for long, and the filters do not describe such noise.
 
 The size of the error alone does not reveal missing physics. Errors of free runs are filtered
-innovations, and the filters treat what missing friction leaves in the innovations as noise: with
+innovations, and the filters treat the trace of missing friction in the innovations as noise: with
 innovations drawn from the recording itself in blocks, errors are predicted to the percent whatever
-is missing. But noise does not follow the motion. So the same test is made with a second T: the log
-odds of the share of the squared error that forces which follow the motion explain
+is missing. But noise does not depend on the motion. So the same test is made with a second T: the
+log odds of the share of the squared error explained by forces that depend on the motion
 (`answer.coherence`).
 
-Held-out data must also support the effects that the answer names: its free runs, or its likelihood
-one step ahead, must be better than those of the device file and of the refit by more than the
-scatter of the blocks (`compared`). This does not apply to an answer that names nothing.
+Held-out data must also support the effects of the answer: its free runs, or its likelihood one step
+ahead, must beat the device file and the refit by more than the scatter of the blocks (`compared`).
+This does not apply to an answer without effects.
 
 Limits: the filters resolve 6.6 Hz at 1 kHz. Noise that is much slower makes free runs of seconds
-err more than predicted. Noise that enters as a force follows the motion where that force acts.
+err more than predicted. Noise that enters as a force depends on the motion where that force acts.
 Missing physics that leaves only coloured noise (play that rattles, a stiff cubic spring) is not
 detected.
 """
@@ -71,6 +71,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.diagnosis.settings import ADEQUACY
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.predict import OVERFLOW
 
@@ -78,18 +79,18 @@ Floats = NDArray[np.float64]
 RAN_AWAY = 1e100  # mean square error of a run that overflowed
 SHORTEST = 5  # ticks of a free run
 MOST_RUNS = 100  # free runs of a length in a recording
-FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
+FORGOTTEN = 4000  # ticks after which innovations no longer depend on earlier ones
 BOOTSTRAPS = 16
-TOLD = 10.0  # information in a direction of x, of which a device file's own is one
+TOLD = 10.0  # least information in a direction of x; a device file itself has 1
 
 
 @dataclass(frozen=True)
-class Ahead:
+class Ahead(Valued):
     """Free runs over a horizon [s]: rms error of the first output, and the expected error.
 
-    These are in the output's unit; most: above it the answer is not adequate. led: share of its
-    square that forces which follow the motion explain; most_led: the largest such share of an
-    adequate answer.
+    Errors are in the output's unit; most: the largest error of an adequate answer. led: share of
+    the squared error explained by forces that depend on the motion; most_led: the largest such
+    share of an adequate answer.
     """
 
     horizon: float
@@ -106,13 +107,13 @@ class Ahead:
 
 
 @dataclass(frozen=True)
-class Adequacy:
-    """What held-out data say about an answer.
+class Adequacy(Valued):
+    """How well an answer predicts held-out data.
 
     explained: by which share the answer lowers the mean square error over half a second of the
-    better of device file and refit. better: by how many sigma it predicts better than these, in
-    free runs or one step ahead, whichever is more. names: whether it has any effects. runs: the
-    largest number of free runs of one length.
+    better of device file and refit. better: by how many sigma it predicts better than both, in free
+    runs or one step ahead, whichever is more. names: whether the answer names any effects. runs:
+    the largest number of free runs of one length.
     """
 
     ahead: tuple[Ahead, ...]
@@ -128,12 +129,12 @@ class Adequacy:
 
     @property
     def useful(self) -> bool:
-        """Whether the named effects improve it by more than the scatter of blocks."""
+        """Whether the named effects improve the prediction by more than the scatter of blocks."""
         return not self.names or self.better > ADEQUACY.scatter
 
     @property
     def adequate(self) -> bool:
-        """Whether the answer is both."""
+        """Whether the answer is sound and useful."""
         return self.sound and self.useful
 
     def as_json(self) -> dict[str, Any]:
@@ -181,7 +182,7 @@ def adequacy(
         expected, most = (math.exp(v) for v in size)
         most = max(most, step)
         most_led = max(ADEQUACY.led, float(expit(share[1])))
-        # A free run that runs away is the worst of errors, and led by nothing.
+        # A free run that runs away has the worst error, and no force explains a share of it.
         away = not math.isfinite(errors[i])
         error = OVERFLOW if away else math.exp(errors[i])
         follows = 0.0 if away else float(expit(led[i]))
@@ -194,19 +195,19 @@ def adequacy(
 
 
 def wander(error: float, floor: float) -> bool:
-    """Whether free runs err too far beyond the noise of readings; False if that is unknown.
+    """Whether free runs err too far beyond the noise of readings; False if NaN.
 
-    Far: by a tenth of the motion, and by more than the noise of readings. Both are relative to the
-    motion.
+    Far: by more than `ADEQUACY.chance` (a share of the motion), and by more than the noise of
+    readings. error and floor are relative to the motion.
 
     A noise model of slow forces predicts any error of free runs as chance, including one from
-    unknown physics. An answer is adequate then, and still predicts badly.
+    unknown physics: an answer can be adequate and still predict badly.
     """
     return beyond_noise(error, floor) and error**2 - floor**2 > ADEQUACY.chance**2
 
 
 def beyond_noise(error: float, floor: float) -> bool:
-    """Whether more than half of a squared error is something other than noise of readings."""
+    """Whether more than half of a squared error is not noise of readings."""
     return error**2 > 2.0 * floor**2
 
 
@@ -224,7 +225,7 @@ def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experimen
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
-    """Lengths of free runs, in ticks, of which there are enough; shorter for short recordings."""
+    """Lengths [ticks] with enough free runs in the recordings; shorter for short recordings."""
     period = judge_by[0].period
     ticks = [e.ticks - settling(e) for e in judge_by]
     asked = [max(SHORTEST, round(h / period)) for h in ADEQUACY.horizons]
@@ -239,7 +240,7 @@ def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experim
 
 
 def _band(logs: Floats) -> tuple[float, float] | None:
-    """Return the mean, and the value that another sample exceeds with probability ALPHA."""
+    """Return mean and the value that another sample exceeds with probability ALPHA, or None."""
     told = logs[np.isfinite(logs)]
     if told.size < ADEQUACY.runs:
         return None
@@ -251,7 +252,7 @@ def _band(logs: Floats) -> tuple[float, float] | None:
 def _runs(
     final: Fitted, observer: Observer, seen: Sequence[Experiment], lengths: Sequence[int]
 ) -> list[FreeRuns]:
-    """Free runs of the answer; of each length those of all recordings together."""
+    """Free runs of the answer on all recordings, joined, for each length."""
     device = final.model.acting(final.x)
     each = [free_runs(device, e, observer.gain, lengths, MOST_RUNS) for e in seen]
     return [
@@ -290,10 +291,10 @@ class Believed:
 
 
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
-    """The noise colour of the answer, as strong as the one-step errors of recordings.
+    """Noise of the answer's spectrum, as strong as the one-step errors of recordings.
 
-    The noise may be up to `louder` times as strong as where it was fitted (there its deviation is
-    one); more than that counts as missing physics. If a machine has no disturbance, the innovations
+    The noise may be up to `louder` times as strong as in the fitted data, where its deviation is
+    one; more than that counts as missing physics. If a machine has no disturbance, the innovations
     of a slow observer consist only of missing physics, and would be predicted as noise.
     """
     device = final.model.acting(final.x)
@@ -329,8 +330,8 @@ def _bootstrapped(
 ) -> Floats:
     """Return `_judged` (2, lengths) for a device drawn from the uncertainty of the fit.
 
-    own: the recordings as the answer reads them. Corrections of the device's reading (gain, origin)
-    are removed, and those of the answer applied.
+    own: the recordings as the answer reads them. The drawn device's reading corrections (gain,
+    origin) are removed, and the answer's applied.
     """
     random = np.random.default_rng(seed)
     root = _known(final)
@@ -351,7 +352,7 @@ def _bootstrapped(
 def _begun_again(
     device: Device, again: Experiment, mine: Experiment, observer: Observer
 ) -> Experiment:
-    """A recording that a model simulated, with its initial state; with play, that of the model."""
+    """A simulated recording with its initial state: fitted, or with play, shifted from `mine`."""
     if not with_play(device.physics) or mine.start is None:
         return begun(device, again, observer)
     before, after = (np.array(first_motion(e.outputs, e.measured, e.period)) for e in (mine, again))
@@ -365,7 +366,7 @@ def _better(
     own: Sequence[Experiment],
     without: Sequence[Sequence[Experiment]],
 ) -> tuple[float, float]:
-    """Share of the squared error explained, and sigma over the better of device file and refit."""
+    """Share of squared error explained, and sigma gained, over the better of file and refit."""
     device = final.model.acting(final.x)
     ticks = max(window(e) for e in own)
     free = _squares(device, own, observer, ticks)
@@ -385,12 +386,12 @@ def _better(
 def freer(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> bool:
-    """Whether the free runs of one answer are better than those of another.
+    """Whether the free runs of one answer are better than another's.
 
-    Each has its own observer. The horizon with the clearest difference decides, if it exceeds
+    Each has its own observer. The horizon with the clearest difference decides, if this exceeds
     `apart` sigma. Stretches contain different amounts of information, so differences between a few
-    of them mean little. If one answer errs half as much in each of them, the logarithms of the
-    ratios show it.
+    of them mean little. If one errs at most half as much on average, the logarithms of the ratios
+    decide too.
     """
     told: list[float] = []
     for _, a, b in each_length(new, old, experiments):
@@ -403,11 +404,11 @@ def freer(
 def oftener_freer(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> bool:
-    """Whether free runs of one answer err less than those of another more often than by chance.
+    """Whether free runs of one answer err less than another's more often than by chance.
 
-    By Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945), at any
-    horizon, with probability `often`. A law with a steep branch errs little in most runs and much
-    in the few in which it takes the wrong side, so mean squares would show nothing.
+    Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945) decide, at
+    the clearest horizon, at level `often`. A law with a steep branch errs little in most runs and
+    much in the few in which it takes the wrong side, so mean squares would show nothing.
     """
     each = list(each_length(new, old, experiments))
     ratios = [log_ratios(b, a) for _, a, b in each]
@@ -418,7 +419,7 @@ def oftener_freer(
 def each_length(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> Iterator[tuple[int, Floats, Floats]]:
-    """Yield lengths that fit, in ticks, and mean square errors of two answers' free runs."""
+    """Yield each length [ticks], and the mean square errors (runs,) of both answers' free runs."""
     for ticks in _lengths(experiments):
         a, b = (
             _squares(
@@ -430,18 +431,18 @@ def each_length(
 
 
 def log_ratios(more: Floats, less: Floats) -> Floats:
-    """Return log(more / less), elementwise, of two sets of errors (runs,)."""
+    """Return log(more / less) of the mean square errors (runs,)."""
     return np.log(np.maximum(more, 1e-300)) - np.log(np.maximum(less, 1e-300))
 
 
 def clearly(gains: Floats) -> float:
-    """Sigma of a normal with the same odds as Student's t of a mean, which few values widen."""
+    """The mean's significance: the sigma of a normal that is as probable as its Student's t."""
     odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
     return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))
 
 
 def _step(judge_by: Sequence[Experiment]) -> float:
-    """The step of positions of the first output; 0 if none shows."""
+    """The encoder step of the first output; 0 if it is no position or no step is visible."""
     if judge_by[0].outputs[0].quantity != "position":
         return 0.0
     return max(encoder_step_seen(e.measured[:, 0]) or 0.0 for e in judge_by)
@@ -464,7 +465,7 @@ def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Float
 
 
 def _bounded(squares: Floats) -> Floats:
-    """Return squares of which the squares, too, are numbers: of runs that overflowed, RAN_AWAY."""
+    """Return squares limited to RAN_AWAY, also after an overflow, so that they can be squared."""
     return np.minimum(np.nan_to_num(squares, nan=RAN_AWAY, posinf=RAN_AWAY), RAN_AWAY)
 
 

@@ -32,11 +32,11 @@ from zwidth.sim.device import Device
 # Stages without which there is no verdict, and what an error in each of them prevents.
 WHAT_IS_LOST = {
     "search": "a part of the search",
-    "detect": "the test of what is left",
+    "detect": "the test for remaining forces",
     "separation": "the comparison with other effects",
     "held out": "the test on held-out data",
-    "adequacy": "the test of how good the answer is",
-    "regimes": "the test of where it holds",
+    "adequacy": "the test of how well the answer predicts",
+    "regimes": "the test of where the named effects hold",
 }
 
 
@@ -49,9 +49,9 @@ def answered(
     say: Say,
     events: tuple[Event, ...] = (),
 ) -> Diagnosis:
-    """Return the answer; opens the held-out data. events: what happened in the recordings.
+    """Return the answer; opens the held-out data.
 
-    An error in one part loses that part, and the verdict if it depends on it.
+    If one part fails, the answer lacks that part, and the verdict if it depends on that part.
     """
     stands = what_stands(device, taken, found, search, say)
     found, by, taken, changes = stands.found, stands.by, stands.taken, stands.changes
@@ -91,8 +91,8 @@ def answered(
         changes = outlived(changes, law.found)
         runs = attempt("whole runs", "", partial(whole, law=law.found)) or runs
     also = [event.sentence for event in events]
-    if changes:  # what lacks a law may look as if it changed
-        doubt = "if these laws are right, "
+    if changes:  # a parameter may seem to change because a law is missing
+        doubt = "if this model is right, "
         doubt = doubt if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS else ""
         also.insert(0, doubt + "; ".join(change.sentence for change in changes))
     untried = dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates"))
@@ -123,11 +123,11 @@ def answered(
 def _law(
     device: Device, stands: Stands, facts: Facts, say: Say
 ) -> tuple[LearnedLaw | LearnedSurface | None, bool, bool]:
-    """A learned law, whether it is reported in place of names, and whether it was interrupted.
+    """A learned law, whether it replaces named effects, and whether learning was interrupted.
 
-    That is where effects do not explain everything, or where only chance explains the error of free
-    runs. A law is learned beside the named effects or in their place if their free runs err more
-    than noise predicts.
+    A law is learned if effects do not explain everything, or if only chance explains the error of
+    free runs. If the named effects' free runs err more than noise predicts, a law is learned beside
+    these effects or in their place.
     """
     by, because, free = stands.by, reason(facts), facts.free
     unnamed = because.verdict is Verdict.UNKNOWN_PHYSICS or because is Reason.STRAY
@@ -155,7 +155,7 @@ def _as_foretold(facts: Facts) -> bool:
     """Whether free runs of the named effects err no more than the noise predicts.
 
     A law in their place must lower the error by at least as much as any law. If random forces must
-    explain a large part of the motion (`wander`), that comparison says nothing.
+    explain a large part of the motion (`wander`), that comparison is useless.
     """
     sound = facts.sound
     if sound is None or not sound.sound or facts.strays:

@@ -7,13 +7,13 @@ lost commands, and unfolds a rectifying sensor. All of these become part of the 
 as the free run of the fit.
 
 Readings that are taken before their commands act (a negative skew) are a delay of the loop, and are
-also stored in the device. Limits: readings that are taken after the command cannot be stored in a
-device, in which a command follows from its reading. Nor can jitter, the mean error of the times of
-commands, which affects how a velocity is read and no motion. Which commands were lost belongs to
-the recording; the device has their rate. Of several recordings of which some had smooth commands,
-the device has them only if all did. A simulation has its drive on and at its nominal supply at all
-times, so a recording with other supplies cannot be repeated as a scenario. A limit of the command's
-rate starts at the recorded command in a fit, and at zero in a simulation.
+also stored in the device. Limits: a device cannot store readings that are taken after the command,
+since it computes a command from its reading; nor jitter, the mean error of the times of commands,
+which affects the reading of a velocity but no motion. It stores the rate of lost commands, not
+which were lost. It has smooth commands only if all recordings had. A simulation has its drive on
+and at its nominal supply at all times, so a recording with other supplies cannot be repeated as a
+scenario. A limit of the command's rate starts at the recorded command in a fit, and at zero in a
+simulation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,11 +40,11 @@ def augmented(
     encoder_step: float = 0.0,
     early: float = 0.0,
 ) -> Device:
-    """Return the device of a model at x, including how it reads recordings.
+    """Return the device of a model at x, including how the model reads recordings.
 
     swing: rms motion, the unit of the origin. smooth: whether the commands were smooth; folded:
-    whether the sensor was unfolded; encoder_step: what the samples themselves show, or 0. early
-    [s]: how long readings are taken before their commands act.
+    whether the sensor was unfolded; encoder_step: the step that the samples themselves show, or 0.
+    early [s]: by how much readings precede their commands.
     """
     device, reads, known = model.build(x), model.reads(x), model.nominal.interface
     device = device.with_interface(
@@ -67,7 +67,7 @@ def improved(
     refit: Mapping[str, tuple[float, Estimate]],
     findings: Sequence[Finding],
 ) -> Device:
-    """Return the device of an answer, with everything found and how recordings are read.
+    """Return the device of an answer, with its findings and how it reads recordings.
 
     Readings that are taken before commands act become a delay, if the recordings show it clearly.
     """

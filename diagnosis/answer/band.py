@@ -11,13 +11,13 @@ have a mean square of at most
 
     error^2 max(1, motion^2 / motion_n^2) (1 + t s sqrt(1 / n + 1 / m)),
 
-t is Student's quantile with n - 1 degrees of freedom, exceeded once in a thousand. A few windows
-may agree by chance, so s is at least 0.5: the scatter of a mean square with eight degrees of
-freedom, about as many as the initial state and slow noise leave. (Six windows of a simulated bench
-scattered by 0.06 to 0.19 in twelve recordings. With these values alone, a thirteenth was called
-changed because its windows had started less well.) Limits: overlapping information makes windows
-scatter less than recordings do. A machine that was warm when it was diagnosed is outside its band
-while it is cold; a check is meant to report this.
+where t is Student's quantile with n - 1 degrees of freedom, exceeded once in a thousand. A few
+windows may agree by chance, so s is at least 0.5: the scatter of a mean square with eight degrees
+of freedom, about as many as the initial state and slow noise leave. (Six windows of a simulated
+bench scattered by 0.06 to 0.19 in twelve recordings. With these values alone, a thirteenth was
+called changed because its windows had started less well.) Limits: overlapping information makes
+windows scatter less than recordings do. A machine that was warm when it was diagnosed is outside
+its band while it is cold; a check is meant to report this.
 """
 
 import math
@@ -45,9 +45,9 @@ from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-WINDOWS = 6  # at least, where the held-out data are long enough
+WINDOWS = 6  # at least, if the held-out data are long enough
 SCATTER = 0.5  # of mean squares, at least
-RARE = 1e-3  # of a machine that is as it was, to be called another
+RARE = 1e-3  # probability that an unchanged machine is called changed
 
 
 @dataclass(frozen=True)
@@ -68,10 +68,7 @@ class Windows:
 def windows_of(
     model: Model, x: Floats, experiments: Sequence[Experiment], ratio: float, seconds: float
 ) -> Windows:
-    """Return the free runs of a model at x on recordings of the same outputs.
-
-    ratio: of the observer in whose state each window starts. Raises NoObserver if there is none.
-    """
+    """Return free runs of a model at x from an observer's states; may raise NoObserver."""
     built = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
     gain = observer_near(built, seen[0], ratio)
@@ -95,9 +92,9 @@ def windows_of(
 def band_of(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault] = ()
 ) -> Band | None:
-    """Return the errors of free runs of a device on held-out data; None for fewer than two windows.
+    """Return the band of a device on held-out data, None for fewer than two windows.
 
-    ratio: of the observer. faults: of the recordings. Raises NoObserver if there is none.
+    Raises NoObserver if none is possible.
     """
     model = Model(device)
     shortest = min(judge_by, key=lambda e: e.ticks)
@@ -110,7 +107,7 @@ def band_of(
 def of_windows(
     found: Windows, seconds: float, ratio: float, corrected: Sequence[str] = ()
 ) -> Band | None:
-    """Return the band from windows of so many seconds; None for fewer than two."""
+    """Return the band from windows of so many seconds; None for fewer than two or an overflow."""
     count = found.error.shape[0]
     if count < 2 or not np.all(np.isfinite(found.error)):
         return None
@@ -126,7 +123,7 @@ def of_windows(
 
 
 def most(band: Band, output: OutputBand, found: Windows) -> float:
-    """Return the largest rms error that an output of a device within its band has."""
+    """Return the largest rms error of an output with which a device is still within its band."""
     place = found.names.index(output.name)
     moved = float(found.motion[:, place].mean())
     grown = max(1.0, moved / output.motion**2) if output.motion > 0.0 else 1.0
@@ -138,7 +135,7 @@ def most(band: Band, output: OutputBand, found: Windows) -> float:
 def with_band(
     device: Device, judge_by: Sequence[Experiment], ratio: float, faults: Sequence[Fault]
 ) -> Device:
-    """Return the device with its band, or without one if none can be measured."""
+    """Return the device with its band, or without one if it cannot be measured."""
     try:
         return replace(device, band=band_of(device, judge_by, ratio, faults))
     except NoObserver:

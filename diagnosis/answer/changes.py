@@ -1,13 +1,12 @@
 """Changes of the device during a recording, in the form of the answer.
 
 Every answer is asked for changes (`learning.changing`) before its held-out data are finally opened.
-A change in a fitted parameter is named if two conditions hold. It is believed over every constant
-model that was tried, not only over the answer without it (a damper that settles may stand for
-friction that was rejected). And free runs on held-out data, which come after it, err no more with
-it than without. A change within the held-out data is dated from the whole recording; what comes
-after it then no longer judges the answer. The augmented device is the device as it was at the end
-of the recording, and later recordings are compared with that; the earlier parts of a recording are
-compared with the device as it was in them.
+A change in a fitted parameter is named if it is believed over every constant model that was tried,
+not only over the answer without it (a damper that settles may stand for friction that was
+rejected), and if later free runs on held-out data err no more with it than without. A change within
+the held-out data is dated from the whole recording; data after it then no longer judge the answer.
+The augmented device is the device at the end of the recording, with which later recordings are
+compared.
 """
 
 import itertools
@@ -60,24 +59,25 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, p
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.diagnosis.settings import CHANGES
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import plain
 
 Floats = NDArray[np.float64]
-RIVALS = 8  # of those tried, that are fitted anew with a change
+RIVALS = 8  # hypotheses of the search that are fitted anew with a change
 FINE = 400  # points of a line
-PARTS, LEAST = 8, 3 * SETTLING  # that held-out data are cut into where a drift goes on, in samples
-RUNS = 2  # free runs that fit into held-out data before a change, so that they still judge
+PARTS, LEAST = 8, 3 * SETTLING  # parts of held-out data while a drift goes on, and their samples
+RUNS = 2  # free runs before a change in held-out data, with which these still judge
 
 
 @dataclass(frozen=True)
-class Windows:
+class Windows(Valued):
     """A parameter in each window of the recordings: middle [s], value, 95 % interval.
 
     Recordings follow one another; times (windows,) count from the first sample of the first.
-    changed: of the fitted change, its values at `line` (points,) [s]; dated: the same for the time
-    of a step, None if there is none within a recording.
+    changed: the values of the fitted change at `line` (points,) [s]; dated: 95 % interval of the
+    time of a step [s], None if it is not within a recording.
     """
 
     times: Floats
@@ -90,20 +90,21 @@ class Windows:
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(Valued):
     """One parameter that changes.
 
-    parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
-    [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
+    parameter: its name in `linear_refit`, or in an effect at a place. shape: "step", at `at` [s] of
+    a recording with the 95 % interval `between`; "drift", from the first sample to the last;
     "settling", with the time constant `rate` [s] and its interval `rate_between`; "run", in one
     recording only; "follows", linearly with the quantity `covariate` in `covariate_unit`, which
     goes from one of `covariate_ends` to the other; "each recording", with the values `each` by the
-    names of the recordings. before, after: its values; by: their difference, which may be known far
-    better than either if another parameter does nearly the same. as_well: other courses that
-    explain it equally well. gained: decrease of -2 ln likelihood, less all penalties. free_run:
-    errors of free runs on held-out data, over the motion, without the change and with it; None if
-    the change itself is held out. windows: the value in each part of the recording by itself.
-    against: what changes is a constant force, of which twice is `parameter` less this one.
+    names of the recordings. before, after: the parameter's values; by: their difference, which may
+    be known far better than either if another parameter does nearly the same. as_well: other
+    courses that explain it equally well. gained: decrease of -2 ln likelihood, less all penalties.
+    free_run: errors of free runs on held-out data, over the motion, without the change and with it;
+    None if the change itself is held out. windows: the value in each part of the recording by
+    itself. against: if a constant force changes, it is half of `parameter` minus this parameter;
+    else None.
     """
 
     parameter: str
@@ -131,7 +132,7 @@ class Change:
 
     @property
     def of(self) -> str:
-        """The parameter as a model names it (`model.parameters.Parameter.name`)."""
+        """The parameter's name in a model (`model.parameters.Parameter.name`)."""
         own = self.parameter
         return own if self.effect is None else f"{self.effect}@{self.place}.{own}"
 
@@ -150,7 +151,7 @@ class Change:
         """Say what changed, by how much, and when."""
         if not self.as_well:
             return self._alone
-        return f"{self._alone} ({' and '.join(self.as_well)} would explain it as well)"
+        return f"{self._alone} ({' and '.join(self.as_well)} would explain the change equally well)"
 
     @property
     def _alone(self) -> str:
@@ -169,8 +170,8 @@ class Change:
             return f"{self.what} differs from recording to recording: {values}"
         if self.covariate is not None and self.covariate_ends is not None:
             low, high = (f"{plain(v, 3)} {self.covariate_unit}" for v in self.covariate_ends)
-            over = f"from {low.rstrip()} to {high.rstrip()}"
-            return f"{self.what} follows {self.covariate}: it {how} {self._course} {over}"
+            over = f"between {low.rstrip()} and {high.rstrip()}"
+            return f"{self.what} depends on {self.covariate}: it {how} {self._course} {over}"
         if self.shape == SETTLES:
             how, when = "settled", f"with a time constant of {plain(self.rate or 0.0, 2)} s"
             if self.rate_between is not None:
@@ -187,7 +188,7 @@ class Change:
 
     @property
     def _apart(self) -> bool:
-        """Whether the values' own intervals show that they differ."""
+        """Whether the intervals of both values do not overlap."""
         return self.before.upper < self.after.lower or self.after.upper < self.before.lower
 
     @property
@@ -259,7 +260,7 @@ def changing(
 def _one_more(
     device: Device, found: Searched, taken: Taken, say: Say
 ) -> tuple[Searched, Taken, Change] | None:
-    """A change within the fitted data that held-out data confirm."""
+    """A change within the fitted data that held-out data confirm, or None."""
     best = found.tried.best
     suspect = suspected(best)
     if suspect is None:
@@ -278,11 +279,11 @@ def _one_more(
         held_out(device, found, taken.judge_by), held_out(device, other, judge_by)
     )  # fmt: skip
     if not with_it.after <= without.after:
-        say("a change would explain the fit but not the held-out data: dropped")
+        say("a change would improve the fit but not the prediction of held-out data: dropped")
         return None
     tried = _rivals_anew(found.tried, new)
     if not _over_all_that_stays(found.tried, new, tried.best):
-        say("a change explains no more than a constant law: dropped")
+        say("a changing parameter explains no more than a constant one: dropped")
         return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
     with_rivals = as_found(device, tried)
@@ -293,9 +294,9 @@ def _one_more(
 def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
     """Whether a hypothesis with a change costs less than all constant ones that were tried.
 
-    It must be believed over the hypotheses whose effects it all has, and cost less than all others.
-    These were fitted to whole recordings, and the change to their parts. The cost of one constant
-    answer on both shows by how much the two kinds of cost differ.
+    It must be believed over the hypotheses all of whose effects it has, and cost less than all
+    others. These were fitted to whole recordings, and the change to their parts; the costs of one
+    constant answer on both show by how much the two kinds of cost differ.
     """
     best = tried.best
     cost = h.cost.total + best.cost.total - new.without.cost.total
@@ -311,8 +312,8 @@ def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
     """Return the changes of parameters that an answer still has and still needs.
 
     Held-out data may have rejected the effect whose parameter changes, and a learned law may not
-    need it. A change within held-out data (which has no free runs) must be of a parameter that the
-    answer has.
+    need it. A change within held-out data (which has no free runs) stays if the answer has its
+    parameter.
     """
     own = {p.name for p in found.final.model.parameters}
     varies = found.final.model.varies
@@ -320,7 +321,7 @@ def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
 
 
 def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
-    """A validation recording: in parts, in which a drift continues."""
+    """A validation recording, cut into parts if a change goes on in it, each with its share."""
     if new.suspect.shape in CUT:
         return [_as_its_first_part(e, new)]
     follows = new.suspect.shape == FOLLOWS
@@ -348,9 +349,8 @@ def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> 
 def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
     """The rest of a recording, with the share of a change that its first part had at its end.
 
-    A step from one recording to the next, or one recording that differs from the others, also
-    applies to the held-out ends of these. A separate validation recording is judged by the device
-    as it was at the end.
+    A step from one recording to the next, or a difference of one recording from the others, also
+    applies to their held-out ends. A separate validation recording is judged by the final device.
     """
     if (first := e.before) is None:
         return e
@@ -370,7 +370,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
     def again(h: Hypothesis) -> Hypothesis | None:
         return attempt("changes", h.model.label, partial(with_varying, h, model, parts))
 
-    # The refit is that of a device that stays the same.
+    # The refit belongs to a device that stays the same.
     constant = partial(with_varying, tried.plain, tried.plain.model, parts)
     bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
     found = replace(
@@ -388,7 +388,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
             found.keep(other)
     sound = [h for h in found.tried.values() if not h.against_physics]
     cheapest = min(sound, key=lambda h: h.cost.total, default=found.best)
-    # One that lacks what changes does without the change: it must be believed over nothing less.
+    # One without the changing parameter needs no change, and would have to be believed over it.
     if cheapest.cost.total < found.best.cost.total and _same_changes(cheapest, found.best):
         found.best = cheapest
     return found
@@ -427,13 +427,13 @@ def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Cha
 def change_of(
     new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None = None
 ) -> Change:
-    """Return a fitted change in the form of the answer; free_run: see `Change`."""
+    """Return a fitted change in the form of the answer."""
     h, suspect = new.hypothesis, new.suspect
     model, x = h.model, h.x
     own = next(p for p in model.parameters if p.name == new.names[0])
     index = model.parameters.index(own)
     spread = covariance(h.fitted)
-    begins, ends_at = 1.0, 0.0  # how much of the change holds
+    begins, ends_at = 1.0, 0.0  # the share of the change before and after
     if suspect.covariate is not None:
         every = np.concatenate([suspect.covariate.share(e) for e in experiments])
         begins, ends_at = float(every.min()), float(every.max())
@@ -450,7 +450,7 @@ def change_of(
         return Estimate(value(at), min(ends), max(ends), unit)
 
     def difference() -> Estimate:
-        """The hypothesis from before to after, the other parameters unchanged."""
+        """The change from before to after, the other parameters unchanged."""
         before, last_x = value(float(first @ x)), float(last @ x)
         half, way = Z95 * float(np.sqrt(max(spread[index, index], 0.0))), begins - ends_at
         least, most = (value(last_x + way * (x[index] + k * half)) for k in (-1.0, 1.0))
@@ -516,7 +516,7 @@ def _windows(
 
 
 def _moved(new: Varied, experiments: Sequence[Experiment], ticks: Floats, end: float) -> Floats:
-    """What a change adds to its parameter at ticks of all recordings, in x."""
+    """The addition to a changing parameter at ticks of all recordings, in x."""
     h, suspect = new.hypothesis, new.suspect
     places = [[p.name for p in h.model.parameters].index(name) for name in new.names]
     here = np.minimum(ticks.astype(np.int64), int(end) - 1)
@@ -533,8 +533,8 @@ def _moved(new: Varied, experiments: Sequence[Experiment], ticks: Floats, end: f
 def _when(
     suspect: Suspect, experiments: Sequence[Experiment]
 ) -> tuple[str, float | None, tuple[float, float] | None]:
-    """The recording, and when in it [s]; no time for a change from one recording to the next."""
-    near = 2 * SETTLING if suspect.shape == STEP else 0  # to an end, which is that end
+    """The recording, and the time in it [s]; None for a change between two recordings."""
+    near = 2 * SETTLING if suspect.shape == STEP else 0  # so near an end, a step is at the end
     place, before = 0, 0
     for e in experiments[:-1]:
         if suspect.shape not in (STEP, RUN) or suspect.at < before + e.ticks - near:
@@ -548,7 +548,7 @@ def _when(
 
 
 def _way(change: Parameter, size: int) -> Floats:
-    """What changes, in x (size,): a parameter, or half its difference from another."""
+    """Row (size,) that reads a changing quantity from x: a parameter, or half a difference."""
     found = np.zeros(size)
     found[change.index] = 1.0
     if change.against is not None:
@@ -557,7 +557,7 @@ def _way(change: Parameter, size: int) -> Floats:
 
 
 def _value(model: Model, x: Floats, change: Parameter, own: float) -> float:
-    """The value of what changes, where its x is `own` (`_way`) and all else as at x."""
+    """The value of a changing quantity if `_way(change) @ x` is `own` and all else is as at x."""
     moved, target = x.copy(), model.parameters[change.index]
     if change.against is None:
         moved[change.index] = own

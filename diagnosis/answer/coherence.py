@@ -1,21 +1,21 @@
-"""Are errors of free runs coherent with the motion? Noise is not, missing physics is.
+"""Tests whether errors of free runs are coherent with the motion, as missing physics is.
 
 The errors of a linear device's free run are its filtered innovations. So noise of the right
 spectrum causes errors as large as missing physics does, and their size does not distinguish the
-two. But noise is independent of the motion. The errors are therefore compared with what missing
-forces would cause, each a function of the motion that the free run itself predicts, on which later
-noise has no influence,
+two. But noise is independent of the motion. The errors are therefore compared with the effect of
+missing forces, each a function of the motion that the free run itself predicts, which later noise
+does not influence,
 
     e = sum_j a_j (g * phi_j(s, s')) + noise,
 
-s is the position of m1 or the deflection of a link, g the linear device's response to a force there
-from rest. The result is the share of the square of e that all phi_j explain together. A constant
-force, which slow noise resembles, is removed first. A share does not depend on size, so the
-strength that the noise model assumes does not matter.
+where s is the position of m1 or the deflection of a link, and g the linear device's response to a
+force there from rest. The result is the share of the square of e that all phi_j explain together. A
+constant force, which slow noise resembles, is removed first. A share does not depend on size, so
+the strength that the noise model assumes does not matter.
 
-Limits: few forms of force are tried, along the motion of a model that lacks them. Friction is seen;
-play in a link is not, since it makes the link rattle at times that no free run predicts. If few
-runs of a horizon are held out, noise seems to follow any motion, and the test is not made.
+Limits: few forms of force are tried, along the motion of a model that lacks them. Friction is
+detected; play in a link is not, since the link rattles at times that no free run predicts. If few
+runs of a horizon are held out, noise seems to depend on any motion, and the test is not made.
 """
 
 from collections.abc import Callable
@@ -40,12 +40,12 @@ FORMS: tuple[Callable[[Floats, Floats], Floats], ...] = (
     lambda _, v: np.sign(v),
     lambda _, v: v * np.abs(v),
 )
-LEAST = 1e-6  # of the largest direction, below which forces are the same
+LEAST = 1e-6  # of the largest direction, below which forces are linearly dependent
 
 
 @dataclass(frozen=True)
 class Span:
-    """Orthonormal directions of errors (samples, k): of a constant force, and of the others."""
+    """Orthonormal errors (samples, k) caused by a constant force, and by the other forces."""
 
     constant: Floats
     forces: Floats
@@ -58,7 +58,7 @@ class Span:
 
 
 def span(device: Device, experiment: Experiment, motion: Floats) -> Span:
-    """Return what forces along the predicted motion (runs, length, 2n) add to the first output.
+    """Return errors of the first output by forces along a motion (runs, length, 2n).
 
     Forces act at m1 and in the links. A motion that has overflowed explains nothing.
     """

@@ -4,14 +4,14 @@ The answer without one effect, with its other parameters fitted again, predicts 
 recordings with the same observer. Over runs of each length that fits (`adequacy`), its mean square
 error is compared with that of the answer,
 
-    worth = sqrt(mean e_without^2 / mean e_with^2),    pays where the difference exceeds its scatter
+    worth = sqrt(mean e_without^2 / mean e_with^2),    pays if the difference exceeds its scatter
 
-over the runs, or the scatter of the logarithms, since stretches differ in how much they can show.
-The length with the clearest difference counts.
+over the runs, or that of the logarithms, since some stretches show more than others. The length
+with the clearest difference counts.
 
-A finding is negligible if its interval includes "none of it", or if held-out data are predicted
-better without it. Such an effect is significant by its likelihood, but may be nothing; it is
-reported as seen, but of no consequence.
+A finding is negligible if the interval of its strength includes zero effect, or if held-out data
+are predicted better without it. Such an effect is significant by its likelihood, but may not exist;
+it is reported as of no consequence.
 
 Limits: a parameter that only held-out motion excites has no worth here. Errors of free runs also
 contain the noise of readings and random forces, which no finding removes.
@@ -30,12 +30,13 @@ from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.settings import ADEQUACY
+from zwidth.shown import Valued
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import label_of, place_at
 
 
 @dataclass(frozen=True)
-class Worth:
+class Worth(Valued):
     """How many times larger free-run errors are without a finding; sigma; horizon [s]."""
 
     times: float
@@ -51,7 +52,7 @@ class Worth:
 def weighed(
     findings: Sequence[Finding], found: Searched, judge_by: Sequence[Experiment]
 ) -> tuple[Finding, ...]:
-    """Return findings with their worth; found: the answer that held-out data judge."""
+    """Return findings with their worth; found: the answer."""
     labels = effect_labels(found.final.model.effects)
 
     def own(f: Finding) -> Finding:
@@ -79,10 +80,10 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 
 
 def may_be_nothing(finding: Finding) -> bool:
-    """Whether the interval of a finding's strength includes none of it, or held-out data reject it.
+    """Whether a finding's strength may be zero by its interval, or held-out data reject it.
 
-    They speak against it if free runs err less without it, and over no horizon more. Of the effects
-    named on 60 sealed recordings this was so for two, and neither of them existed. For effects that
+    Held-out data reject it if free runs err less without it, and over no horizon more. Of the
+    effects named on 60 sealed recordings two were rejected, and neither existed. For effects that
     existed, the clearest horizon showed at least 0.8 sigma. Runs too few to have a scatter (0
     sigma) decide nothing.
     """

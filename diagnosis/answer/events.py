@@ -1,6 +1,6 @@
 """Events that happened once during a recording, in the form of the answer.
 
-`knowing_events` decides when to look for events, and what an answer becomes if something happened.
+`knowing_events` decides when to look for events, and how they change an answer.
 
 Over a tick, force times travel is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is
 held.
@@ -22,24 +22,25 @@ from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.shown import Valued
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
-SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
-STILL = 0.1  # of the usual speed, below which what should move is held; of that before a stop
-AT_AN_END = 0.03  # of the travel, within which a stop is
-MEAN_S = 0.02  # over which the largest force and the speed beside it are means
+SHORT_S, LONG_S = 0.05, 0.1  # a hit is shorter, a hand lasts longer
+STILL = 0.1  # of the usual speed (at a stop: of the speed before it), below which a place is held
+AT_AN_END = 0.03  # of the travel: how far from its end a stop may be
+MEAN_S = 0.02  # the largest force, and the speed beside it, are means over this time
 PICTURE_S = 0.3  # about an event, in a picture
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
 
 
 @dataclass(frozen=True)
-class Course:
+class Course(Valued):
     """An event over time [s] of its recording: force (ticks,) with its 95 % band, and the motion.
 
-    Of a slip, `force` is the error of the reading. motion: of the place, as measured or as
-    simulated.
+    For a slip of a sensor, `force` is the error of the reading. motion: of the place, as measured
+    or as estimated by the observer.
     """
 
     times: Floats
@@ -52,16 +53,16 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Event:
+class Event(Valued):
     """One event.
 
     kind: "hit", "stop" (a hit on a stop), "jam", "touch" (a hand or another contact), "push" (a
     force longer than a hit and shorter than a touch), "slip" (of a sensor, a coupling or a clamp).
     place: mass, link or output. at [s] of the recording with the 95 % interval between: the middle
-    of a short event, the beginning of a long one; until, until_between: the same of its end, None
+    of a short event, the beginning of a long one; until, until_between: the same for its end, None
     for a short event or a slip. force: the largest mean over 20 ms; impulse, energy: given to the
-    device, negative if taken from it. slip: by how much; stop: where one is [rad | m]. elsewhere:
-    places that explain it equally well. gained: chi-square.
+    device, negative if taken from it. slip: its size; stop: the position of a stop [rad | m].
+    elsewhere: places that explain the event equally well. gained: chi-square.
     """
 
     kind: str
@@ -118,19 +119,21 @@ class Event:
         assert self.energy is not None
         size = with_unit(self.impulse.value, self.impulse.unit, 2).removeprefix("-")
         most = with_unit(abs(self.force.value), self.force.unit, 2)
-        brought = "brought" if self.energy.value > 0.0 else "took"
         work = with_unit(abs(self.energy.value), "J", 2)
+        did = (
+            f"gave the device {work}" if self.energy.value > 0.0 else f"took {work} from the device"
+        )
         if self.energy.lower < 0.0 < self.energy.upper:
             most_work = max(-self.energy.lower, self.energy.upper)
-            brought, work = "brought or took", f"less than {with_unit(most_work, 'J', 2)}"
+            did = f"gave or took less than {with_unit(most_work, 'J', 2)}"
         what = {
             HIT: f"a hit of {size} {self.where}",
             STOP: f"a hit of {size} on a stop{self._end} {self.where}",
-            JAM: f"a jam {self.where}, held by up to {most},",
-            TOUCH: f"a hand or another contact {self.where}, of up to {most},",
+            JAM: f"a jam {self.where} with a force of up to {most},",
+            TOUCH: f"a hand or another contact {self.where} with a force of up to {most},",
             PUSH: f"a push of {size} {self.where}",
         }[self.kind]
-        return f"{what} {when} {brought} {work}"
+        return f"{what} {when} {did}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -155,10 +158,7 @@ class Event:
 
 
 def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) -> tuple[Event, ...]:
-    """Return the events in whole recordings, as one fitted hypothesis sees them, without a search.
-
-    fit_on: as in `happenings`. Raises NoObserver if there is none.
-    """
+    """Return the events in whole recordings by one fitted hypothesis; may raise NoObserver."""
     known = happenings(recordings, h, fit_on)
     h = settled(judged(fit_on(known), h.model, h.x, h.family))
     return all_said(recordings, h, known)
@@ -252,7 +252,7 @@ def _estimate(value: float | Floats, error: float | Floats, unit: str) -> Estima
 
 
 def _motion(one: Happened, h: Hypothesis) -> tuple[Floats, float]:
-    """Way (ticks + 1,) of the place of an event, as measured or else as followed, and its noise."""
+    """Position (ticks + 1,) at an event's place, measured or from the observer, and its noise."""
     e, model = h.problem.experiments[one.recording], h.model
     if (o := one.source.sensor) is not None:
         return np.append(e.measured[:, o], e.measured[-1, o]), float(h.noise.observer.deviation[o])
@@ -281,7 +281,7 @@ def _means(ticks: int, over: int) -> Floats:
 
 
 def _middle(f: Floats, c: Floats) -> tuple[float, float]:
-    """Return the middle of a force in ticks from its first, and its standard error."""
+    """Return the middle of a force, in ticks from its first, and the middle's standard error."""
     ticks = np.arange(f.size) + 0.5
     total = float(f.sum())
     middle = float(f @ ticks) / total if total else 0.0
@@ -295,7 +295,7 @@ def _middle(f: Floats, c: Floats) -> tuple[float, float]:
 def _kind(
     one: Happened, q: Floats, period: float, begins: float, ends: float, impulse: float
 ) -> str:
-    """Which kind of event a force was, as far as the motion shows."""
+    """Classify the event of a force by the motion."""
     a = min(one.first + round(begins), q.size - 2)
     b = min(max(one.first + round(ends), a + 1), q.size - 1)
     usual = float(np.std(np.diff(q))) / period

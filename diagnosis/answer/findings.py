@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.fitting.reach import reaches
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
@@ -32,7 +33,7 @@ from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.diagnosis.settings import INTAKE
+from zwidth.diagnosis.settings import EVIDENCE, INTAKE
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
@@ -70,6 +71,8 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
     final, tried = found.final, found.tried
     spread = attempt("intervals", "", partial(standard_errors, final))
     spread = np.full(final.x.size, np.nan) if spread is None else spread
+    reach = attempt("intervals", "", partial(_reach, found, spread))
+    reach = Z95 * np.stack([spread, spread], axis=1) if reach is None else reach
     findings: list[Finding] = []
     odds = attempt("separation", "", partial(shares, tried)) if final.model.effects else None
     labels = effect_labels(final.model.effects)
@@ -77,7 +80,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         name = f"{physics.effect.name} at {physics.at}"
         scatter = partial(elsewhere, tried, odds or {}, label)
         among = attempt("intervals", name, scatter) or {}
-        estimates = _estimates(final, i, spread, among)
+        estimates = _estimates(final, i, reach, among)
         if physics.effect.sought == "lattice":
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
@@ -102,18 +105,26 @@ def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> 
     )
 
 
+def _reach(found: Searched, errors: Floats) -> Floats:
+    """Return how far intervals reach below and above x, (p, 2): of effects, by the likelihood."""
+    own = [j for j, p in enumerate(found.final.model.parameters) if p.kind == "effect"]
+    reach = Z95 * np.stack([errors, errors], axis=1)
+    reach[own] = reaches(found.problem, found.final, errors, own)
+    return reach
+
+
 def half_width(way: Floats, spread: Floats) -> float:
     """Return half of the 95 % interval along a direction x (p,); spread (p, p): covariance."""
     return Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
 
 
 def _estimates(
-    final: Fitted, index: int, errors: Floats, among: Mapping[str, float]
+    final: Fitted, index: int, reach: Floats, among: Mapping[str, float]
 ) -> dict[str, Estimate]:
     """Values of an effect of the model with their intervals; also "phase in WORD".
 
-    among: variances over the structures that may be true, besides those within the one that was
-    found.
+    reach (p, 2): how far the intervals of x go below and above it. among: variances over the
+    structures that may be true, besides those within the one that was found.
     """
     model, x = final.model, final.x
     physics, spread = model.effects[index], covariance(final)
@@ -125,12 +136,13 @@ def _estimates(
         value, scale = physics.values[target.key], target.scale
         if target is p:
             name, value = p.key, value + scale * float(x[j])
-            half = Z95 * math.hypot(scale * float(errors[j]), math.sqrt(among.get(p.key, 0.0)))
+            other = Z95 * math.hypot(math.sqrt(among.get(p.key, 0.0)), EVIDENCE.finest * value)
+            half = tuple(math.hypot(abs(scale) * float(r), other) for r in reach[j])
         else:  # what recordings have of their own
             name = f"{target.key} in {p.name.partition(' in ')[2]}"
             way = np.zeros(x.size)
             way[[j, p.index]] = scale
-            value, half = value + float(way @ x), half_width(way, spread)
+            value, half = value + float(way @ x), (half_width(way, spread),) * 2
         known = physics.effect.parameter(target.key)
         unit = known.unit_for(model.nominal.rotary)
         estimates[name] = _within(value, half, unit, known.lower, known.upper)
@@ -138,10 +150,14 @@ def _estimates(
 
 
 def _within(
-    value: float, half: float, unit: str, lower: float = 0.0, upper: float = math.inf
+    value: float, half: Sequence[float], unit: str, lower: float = 0.0, upper: float = math.inf
 ) -> Estimate:
-    """A value with the possible part of its interval: no stiffness is below zero."""
-    return Estimate(value, max(value - half, lower), min(value + half, upper), unit)
+    """A value with the possible part of its interval: no stiffness is below zero.
+
+    half: how far it reaches below and above the value.
+    """
+    below, above = half
+    return Estimate(value, max(value - below, lower), min(value + above, upper), unit)
 
 
 def _encoder(

@@ -1,13 +1,13 @@
-"""The friction that was found as a curve over velocity, with its band and the samples behind it.
+"""The friction of an answer as a curve over velocity, with its band and the samples behind it.
 
 A friction law is best understood as a curve: all forces at the place over velocity in steady
 sliding. Beside it are drawn the forces that the recording requires at each sample: the curve at the
-predicted velocity, plus the missing force that the innovations show (`missing_force`), under an
-observer a hundred times slower than the likeliest one, which takes less of it for a disturbance. If
-the samples lie apart from the curve, the true law is another.
+predicted velocity, plus the missing force that the innovations show (`missing_force`), with an
+observer a hundred times slower than the most likely one, which attributes less of this force to
+disturbance. If the samples lie apart from the curve, the true law is another.
 
 A straight part also belongs to the device's damper, and a constant to the origin of its spring. The
-band is therefore that of the curve beside both as they were fitted.
+band therefore holds for the curve beside both as they were fitted.
 
 The missing force is the Wiener estimate from weighted innovations e = -R f + noise, where R is the
 response of observer and device to a force at the place. With the transforms E and R,
@@ -44,9 +44,9 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 OVER, FRICTION = "free_damper", "dry friction"
 CORNERS_HZ = (2.0, 10.0, 50.0, np.inf)
-SIZES = np.geomspace(1e-3, 1e4, 29)  # of the force that one sample's noise hides
+SIZES = np.geomspace(1e-3, 1e4, 29)  # relative to the force that one sample's noise hides
 POINTS = 200  # velocities of the curve
-FASTEST = (0.001, 0.999)  # of the samples, between which it is drawn
+FASTEST = (0.001, 0.999)  # quantiles of the velocity between which the curve is drawn
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class FrictionCurve:
 
 
 def friction_curve(found: Searched) -> FrictionCurve | None:
-    """Return the friction of an answer as a curve; None if it names none."""
+    """Return an answer's friction as a curve; None without friction or if it is undetermined."""
     problem, final = found.problem, found.final
     laws = final.model.effects_at(final.x)
     rubs = [p for p in laws if p.effect.family == FRICTION and follows(p, OVER, p.place)]
@@ -84,10 +84,7 @@ def friction_curve(found: Searched) -> FrictionCurve | None:
 
 
 def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
-    """Return the forces (samples,) at a mass or in a link that recordings need beyond a fit.
-
-    Those of all recordings in order, each from where the observer has settled.
-    """
+    """Return the forces (settled samples,) at a place that recordings need beyond a fit."""
     slow = _slower(problem, fitted)
     each = [missing_force(slow, fitted, e, at)[SETTLING:] for e in problem.experiments]
     return np.concatenate(each)
@@ -102,14 +99,14 @@ def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
 
 
 def _slower(problem: Problem, fitted: Fitted) -> Problem:
-    with suppress(NoObserver):  # so slow that it does not hold the device
+    with suppress(NoObserver):  # too slow to stabilize the device
         ratio = SLOWER * problem.observer.ratio
         return prepared_for(problem.experiments, fitted.model, fitted.x, blind(ratio))
     return problem
 
 
 def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, place: str) -> Floats:
-    """Return the missing force (ticks,) at a place that the innovations show [N m | N].
+    """Return the missing force (ticks,) [N m | N] at a place, estimated from the innovations.
 
     In a link it acts on the first mass, and with the opposite sign on the second.
     """
@@ -128,9 +125,9 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
 
 
 def _likeliest(pull: Complexes, reach: Floats, experiment: Experiment, size: int) -> Floats:
-    """The spectrum S of the highest likelihood: -ln L = sum ln(1 + |R|^2 S) - |P|^2 S / (1 + ...).
+    """The most likely spectrum S, by -ln L = sum ln(1 + |R|^2 S) - |P|^2 S / (1 + |R|^2 S).
 
-    The transform of white noise of unit variance has as much power as samples not padded.
+    The power of the transform of unit white noise is the number of samples without padding.
     """
     frequency = np.fft.rfftfreq(size, experiment.period)
     power = np.abs(pull) ** 2 / experiment.ticks

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 
 def models_of(device: Device, found: Searched) -> dict[str, tuple[Model, Floats]]:
-    """Return (model, x) "before", of the device file, "refit", and "after", of what was found."""
+    """Return (model, x) "before" (the device file), "refit", and "after" (the answer)."""
     nominal = Model(device)
     return {
         "before": (nominal, np.zeros(nominal.linear_count)),
@@ -37,10 +37,7 @@ def models_of(device: Device, found: Searched) -> dict[str, tuple[Model, Floats]
 def told_of(
     fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> list[tuple[Experiment, bool]]:
-    """Return the recordings to report on, and whether nothing was fitted to them.
-
-    Of a recording that was split, only the rest that judges.
-    """
+    """Return the recordings to report on (only the rest of split ones), and whether held out."""
     firsts = {(e.before.name, e.before.begins) for e in judge_by if e.before is not None}
     whole = [e for e in fitted if (e.name, e.begins) not in firsts]
     return [*((e, True) for e in judge_by), *((e, False) for e in whole)]
@@ -51,7 +48,7 @@ def held_out(
 ) -> tuple[HeldOut, HeldOut]:
     """Return (one step, free run) of the device before, refitted and augmented; opens the data.
 
-    Errors of the first output over its own variation; free runs start in the observer's state.
+    Errors of the first output, relative to its own rms variation.
     """
     gain = found.judge.gain
     step = [e.measured[settling(e) :, 0] for e in judge_by]
@@ -60,7 +57,7 @@ def held_out(
     free: list[float] = []
     for model, x in models_of(device, found).values():
         built = model.acting(x)
-        # Each begins where it fits best: an observer that trusts its model forgets slowly.
+        # Each begins in the state that fits best: a slow observer forgets its start slowly.
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
         one.append(rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
@@ -92,6 +89,6 @@ def _free(device: Device, seen: Sequence[Experiment], gain: Gain) -> tuple[float
 
 
 def rms(parts: Sequence[Floats]) -> float:
-    """Return the rms of all of these together, NaN for none."""
+    """Return the rms of all parts together, NaN if they are empty."""
     joined = np.concatenate(parts)
     return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")

@@ -1,17 +1,17 @@
 """The inverse model: the force that a recorded motion requires, compared with the command.
 
-If the motion of every mass was recorded, no simulation is needed to see what a model lacks.
-Positions are smoothed by a zero-phase low-pass (Butterworth, forwards and backwards), and
+If the motion of every mass was recorded, no simulation is needed to find the force that a model
+lacks. Positions are smoothed by a zero-phase low-pass (Butterworth, forwards and backwards), and
 velocities are the derivatives of a quintic spline through them. At each sample every mass is set to
 its recorded position and velocity; internal states (bristles, a lag, a further mode) continue. The
 device then moves for one tick T under the command. Let v be its velocity afterwards and v^ the
-recorded one; to first order in what is missing,
+recorded one; to first order in the missing force,
 
     f = G^-1 (v^ - v),    G = d v(T) / d (forces held over T),
 
-is the mean missing force over the tick. The missing force on m1 plus the force that acts there (the
-command after the gain, lag, delay and limit of the model) is the force that the motion needs. Both
-are compared at frequencies below half of the low-pass, which it passes unchanged:
+is the mean missing force over the tick. That on m1 plus the force that acts there (the command
+after the gain, lag, delay and limit of the model) is the force that the motion needs. Both are
+compared at frequencies below half of the low-pass, which it passes unchanged:
 
     error = rms(f_1) / rms(force that acts).
 
@@ -21,13 +21,12 @@ are included. A mass that sticks balances any force within its friction, and nee
 
 The band ends where the noise of readings sigma would be a force of `NOISE` of the command,
 
-    The band ends where the noise of readings sigma would be a force of the share `NOISE` of the
-    command,
+    2 sigma^2 / f_s  sum over f < band of (m1^2 (2 pi f)^4 + k^2)  =  (NOISE rms(command))^2,
 
 with (2 pi f)^2 for a velocity, and at a fifth of the sampling frequency at the latest.
 
 Limits: only the force at the drive is compared; the missing forces of other masses are in their own
-f. The reading of a sensor is taken as true. Of a velocity the position is counted from zero.
+f. Sensors are assumed to read correctly. A position integrated from a velocity starts at zero.
 """
 
 import math
@@ -47,27 +46,28 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import observer_memory, prepared
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.plant import hold_matrices
 from zwidth.sim.predict import GROUND, Outputs, alone
 
 Floats = NDArray[np.float64]
-NOISE = 0.01  # of the command, that the noise of readings may make of a force
+NOISE = 0.01  # of the command: the largest force that noise of readings may cause
 WIDEST = 0.2  # of the sampling frequency
 ORDER = 4  # of the low-pass, each way
-EDGES = 2.0  # periods of the band that a low-pass knows too little of at either end
+EDGES = 2.0  # periods of the band at either end, where the low-pass lacks data
 SPLINE = 5  # degree: its derivative errs by the fifth power of the period
-FEWEST = 20  # periods of the band in a recording, of which a figure is given
+FEWEST = 20  # periods of the band that a recording needs
 
 
 @dataclass(frozen=True)
-class ForceError:
+class ForceError(Valued):
     """The force at m1 that a recorded motion needs, and the one that was commanded.
 
-    Of "before", the device file, "refit", and "after", with what was found: acting (ticks,), from
-    begins [s] on, every period [s], the command as it arrives at m1, and lacking (ticks,), the
-    force that is needed minus that. band [Hz]: up to which they are compared. held_out: whether
-    nothing was fitted to it.
+    For the device file ("before"), the "refit" and the answer ("after"): acting (ticks,), the
+    command as it arrives at m1, from begins [s] on, every period [s]; lacking (ticks,), the needed
+    force minus acting. band [Hz]: the highest frequency that is compared. held_out: whether nothing
+    was fitted to the recording.
     """
 
     recording: str
@@ -91,7 +91,7 @@ class ForceError:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Rms of the missing force over that of the force that acts."""
+        """Rms of the missing force over the rms of the acting force."""
         sizes = self.sizes
         return {name: e / (sizes[name] or math.nan) for name, e in self.errors.items()}
 
@@ -107,7 +107,7 @@ class ForceError:
 def force_errors(
     device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> tuple[ForceError, ...]:
-    """Return the force errors of validation recordings and of those that were fitted.
+    """Return the force errors of validation recordings and of fitted recordings.
 
     Recordings without the motion of every mass, or without a commanded force, have none. The
     held-out rest of a recording is filtered together with its first part, and judged alone.
@@ -139,7 +139,8 @@ def _of(
 def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     """Return the force (ticks, n) on each mass that a model lacks for a recorded motion, in a band.
 
-    Infinite after an overflow. The last tick has none, since the state after it was not recorded.
+    Infinite after an overflow. Zero at the last tick (before filtering), since the state after it
+    was not recorded.
     """
     seen = model.seen(e, x)
     position, velocity = motion(seen, model.nominal.chain.masses.size, 2.0 * band)
@@ -157,8 +158,7 @@ def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     """Return the command (ticks,) as it arrives at m1, in a band.
 
-    It is the force with the opposite sign that a device without forces of its own would need to
-    stand still.
+    It is minus the force that a device without forces of its own would need to stand still.
     """
     seen = model.seen(e, x)
     still = np.zeros((seen.ticks, model.nominal.chain.masses.size))
@@ -167,10 +167,9 @@ def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
 
 def as_read(device: Device, e: Experiment, force: Floats) -> Floats:
-    """Return a force (ticks,) after the filters between m1's motion and its reading.
+    """Return a force (ticks,) after the filters that act between m1's motion and its reading.
 
-    A filtered motion needs an equally filtered force, as far as the device is linear: L (F q) = F
-    (L q).
+    A linear device needs an equally filtered force for a filtered motion: L (F q) = F (L q).
     """
     output = _of_mass(e, 0)
     places = ("sensor", "velocity") if output and output.quantity == "velocity" else ("sensor",)
@@ -192,7 +191,7 @@ def _without(device: Device, *hooks: str) -> Device:
 def _forces(
     device: Device, seen: Experiment, position: Floats, velocity: Floats, band: float
 ) -> Floats:
-    """Forces (ticks, n) that a device lacks to be where the recording says."""
+    """Forces (ticks, n) that a device lacks to move as recorded."""
     n = position.shape[1]
     eq, fine = ready = prepared(seen.on(device))
     places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
@@ -241,7 +240,7 @@ def low_passed(values: Floats, to_hz: float, period: float) -> Floats:
 
 
 def band_of(device: Device, e: Experiment) -> float | None:
-    """Return up to which frequency [Hz] a recording determines the force at m1, None for nowhere.
+    """Return the frequency [Hz] up to which a recording determines the force at m1, or None.
 
     It cannot be computed if the motion of a mass, or its sign, is missing, if no force is commanded
     (free motion, a goal, a prescribed motion), or if noise hides the force.
@@ -273,15 +272,12 @@ def band_of(device: Device, e: Experiment) -> float | None:
 
 
 def _noise(y: Floats) -> float:
-    """Rms of the white part of a reading: its fourth differences have 70 times its variance.
-
-    Of an encoder that moves slowly, at least a step over the root of twelve.
-    """
+    """Rms of the white part of a reading, by fourth differences; at least encoder rounding."""
     rough = float(np.sqrt(np.mean(np.diff(y, 4) ** 2) / 70.0))
     return max(rough, (encoder_step_seen(y) or 0.0) / math.sqrt(12.0))
 
 
 def _of_mass(e: Experiment, mass: int) -> Output | None:
-    """The output that shows how a mass moves, preferably its position."""
+    """The output that measures a mass, preferably its position."""
     every = (Output("position", mass), Output("velocity", mass))
     return next((o for o in every if o in e.outputs), None)

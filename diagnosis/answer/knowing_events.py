@@ -1,16 +1,16 @@
 """Events that happened once: excluded from the search for physics, reported in the answer.
 
-An event distorts every fit, and a search would take it for physics. So during a search, a part of
-the recording that chance does not explain and that explains more than the next effect is set apart
-(`events.set_apart`). The answer is then computed from the complete recordings: an event in held-out
-data would spoil the judgement, although no parameter is fitted to it. The force of the event is
-fitted, and included from then on in every prediction and free run; a slip is subtracted from the
-reading. The hypotheses of the search are fitted again with it. If the best of them has the same
-effects, and its free runs are adequate, these stand; otherwise the search continues from there.
+An event distorts every fit, and a search would mistake it for physics. So a search sets apart
+(`events.set_apart`) a part of the recording that chance does not explain, if it explains more than
+the next effect. The answer is then computed from the complete recordings: an event in held-out data
+would spoil the judgement, although no parameter is fitted to it. The force of the event is fitted,
+and included from then on in every prediction and free run; a slip is subtracted from the reading.
+The hypotheses of the search are fitted again with it. If the best of them has the same effects, and
+its free runs are adequate, these remain the answer; otherwise the search continues from there.
 
-Named effects have precedence. The search has not seen what was set apart or lies in held-out data,
-where an amplifier that reaches its limit once looks like a force that acts for a while. So it is
-first asked whether one more effect explains it; if so, no event happened.
+Named effects have precedence. The search has not seen the parts set apart or held out, and there an
+amplifier that reaches its limit once looks like a force that acts for a while. So first one more
+effect is tried; if it explains the apparent event, no event happened.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ from zwidth.diagnosis.selection.search import Search, fitted, restart, searched_
 from zwidth.diagnosis.selection.searched import Searched, as_found, holds, runs_freer
 from zwidth.diagnosis.settings import PURSUIT
 
-ENDED = 0.1  # of how long a force acts, for which it must be seen not to
+ENDED = 0.1  # of a force's duration, which must be recorded after its end
 
 
 def knowing_events(
@@ -39,7 +39,7 @@ def knowing_events(
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
     """Return recordings with their events, the answer for these, and the events.
 
-    The same recordings and answer if nothing happened, or if the search was interrupted.
+    Recordings and answer are unchanged if nothing happened, or if the search was interrupted.
     """
     if found.interrupted:
         return taken, found, ()
@@ -49,7 +49,7 @@ def knowing_events(
         said_of = partial(all_said, _every(taken), found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
-        say("interrupted: judging what was found so far; press Ctrl-C again to leave")
+        say("interrupted: judging the result so far; press Ctrl-C again to quit")
         return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
     for event in events:
         say(event.sentence)
@@ -57,22 +57,22 @@ def knowing_events(
 
 
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
-    """Recordings with their events, the answer then, and the events."""
+    """Recordings with their events, the answer for these, and the events."""
     with suppress(NoObserver):
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
         if (apart and peak is not None) or (later and known):
-            say("something may have happened once: checking whether one effect explains it")
+            say("possible one-time event: checking whether an effect explains it instead")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None:
             if not later:
                 return taken, _searched_on(found, named, say), ()
-            known = ()  # what only the held-out data name is a second look's own matter
+            known = ()  # an effect that only held-out data show is left to the second look
         for one in known:
             e = _every(taken)[one.recording]
-            say(f"something happened at {e.begins + one.first * e.period:.3g} s")
+            say(f"one-time event found at {e.begins + one.first * e.period:.3g} s")
         there = _with(taken, known) if known else taken
         if apart or any(_in_fit(one, taken) for one in known):
             found = _anew(found, there.fit_on, say)
@@ -92,10 +92,11 @@ def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
 
 
 def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
-    """What differs most from chance, None if nothing does.
+    """The stretch that differs most from chance, None if none does.
 
-    Named effects have precedence: an answer that was chosen for its free runs lacks what the next
-    sample shows (a ripple, how friction sets in), and would seem to have an event at each reversal.
+    Named effects have precedence: an answer chosen for its free runs lacks effects that only
+    one-step errors show (a ripple, the onset of friction), and would seem to have an event at each
+    reversal.
     """
     if found.near is not None and highest(every, found.near) is None:
         return None
@@ -109,7 +110,7 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
         return settled(judged(recordings, h.model, h.x, h.family, None, h.prices))
 
     best, beside = again(before.best), before.best
-    # What the recordings cost more than with ordinary noise in its place, as `Search` set it apart.
+    # Cost beyond that of ordinary noise in its place, from which `Search` had set it apart.
     explained = best.cost.misfit - beside.cost.misfit * best.samples / beside.samples
     least = PURSUIT.rival_share * explained if before.apart else PURSUIT.no_sign
     search = _begun(before, again(before.plain), best)
@@ -122,7 +123,7 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
 
 
 def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
-    """A search that so far has only two hypotheses."""
+    """A search that so far has only these two hypotheses."""
     new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
     restart(new, plain, best)
     return new
@@ -138,7 +139,7 @@ def _happened(taken: Taken, best: Hypothesis) -> tuple[Happened, ...]:
 
 
 def _ends(one: Happened, e: Experiment) -> bool:
-    """Whether a force was seen to end: one that acts until the last sample may be a change."""
+    """Whether a force clearly ends: one that acts until the last sample may be a change."""
     return e.ticks - one.last >= ENDED * (one.last - one.first)
 
 
@@ -165,8 +166,8 @@ def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
 def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:
     """The result of the search, fitted again to recordings with their events.
 
-    An event spoils free runs, because of which an answer over a longer horizon was tried. So the
-    answer by the next sample is fitted again first, and stands if its free runs are adequate now.
+    Because the event spoiled free runs, an answer over a longer horizon may have been tried. So the
+    answer by one-step errors is fitted again first, and kept if its free runs are now adequate.
     """
     far = found.beside if found.near is not None else None
     near = far or found
@@ -183,7 +184,7 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 
 
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
-    say(f"continuing the search from {tried.best.model.label}, with the event known")
+    say(f"one-time events are checked: continuing the search from {tried.best.model.label}")
     searched_on(tried)
     return replace(_held(tried), far=found.far)
 
@@ -197,7 +198,7 @@ def _held(tried: Search) -> Searched:
 
 
 def _fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
-    """The hypotheses of the search on other recordings: the cheapest are fitted to them."""
+    """The search on other recordings, with its cheapest hypotheses fitted to them."""
     every: list[Hypothesis] = []
     for h in before.tried.values():
         with suppress(NoObserver):

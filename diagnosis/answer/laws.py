@@ -26,6 +26,7 @@ from zwidth.diagnosis.learning.surfaces import Surface
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.shown import Valued
 from zwidth.sim.physics.free_force import grid_of
 from zwidth.sim.physics.two_tables import LAW_FIRST, LAW_SECOND, two_tables_of
 from zwidth.sim.readable import with_unit
@@ -34,16 +35,16 @@ Floats = NDArray[np.float64]
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q",
            "position": "q", "velocity": "v", "command": "u"}  # fmt: skip
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-ANYWHERE = 10.0  # of what a shift varies by, that its constant may be
-LITTLE = 1e-3  # of the largest power, below which none is made
+ANYWHERE = 10.0  # deviation of a shift's unknown constant, over the range of the shift
+LITTLE = 1e-3  # of the largest power, below which no energy is generated
 
 
 @dataclass(frozen=True)
-class Law(ABC):
+class Law(ABC, Valued):
     """A learned law, and the fits to held-out data.
 
-    names, law: errors of free runs on held-out data, over the motion, with the named effects alone
-    and with the law. found: the fit with it.
+    names, law: errors of free runs on held-out data, relative to the motion, with the named effects
+    alone and with the law. found: the fit with the law.
     """
 
     curve: Learned | Surface
@@ -54,40 +55,40 @@ class Law(ABC):
     @property
     @abstractmethod
     def over(self) -> str:
-        """The state that it depends on, in words."""
+        """The state that the law depends on, in words."""
 
     @property
     @abstractmethod
     def formula(self) -> str:
-        """Its formula, "" for none."""
+        """The law's formula, "" for none."""
 
     @property
     @abstractmethod
     def energy(self) -> str:
-        """Say whether it ever generates energy."""
+        """Say whether the law ever generates energy."""
 
     @property
     @abstractmethod
     def extent(self) -> str:
-        """Say its size, its state, its form, and its worth."""
+        """Say the law's size, state, form, and worth."""
 
     @abstractmethod
     def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where it acts, and its extent."""
+        """Return the first line of an answer: where the law acts, and its extent."""
 
     @property
     @abstractmethod
     def sentence(self) -> str:
-        """Say what was learned."""
+        """Say which law was learned."""
 
     @property
     def turns(self) -> bool:
-        """Whether it repeats over position, so that a ripple is its first harmonic."""
+        """Whether the law repeats over position, so that a ripple is its first harmonic."""
         return False
 
     @property
     def rotary(self) -> bool:
-        """Whether its device is."""
+        """Whether the device is rotary."""
         return self.found.final.model.nominal.rotary
 
     @property
@@ -97,15 +98,15 @@ class Law(ABC):
 
     @property
     def worth(self) -> str:
-        """Say what it is worth."""
+        """Say by how much the law lowers the error of free runs."""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"error of short free runs on held-out data {own:.2g} % of the motion with it,"
-            f" {other:.2g} % without"
+            f"error of short free runs on held-out data: {own:.2g} % of the motion with the learned"
+            f" law, {other:.2g} % without"
         )
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON of `zwidth diagnose`: what every law has."""
+        """Return the JSON of `zwidth diagnose`, the keys of every law."""
         return {
             "effect": self.curve.physics.effect.name,
             "at": self.curve.physics.at,
@@ -124,8 +125,8 @@ class Law(ABC):
 class LearnedLaw(Law):
     """A law over one state, and the formulas near it (cheapest first, empty for none).
 
-    formulas: of the law plus the named effects that follow the same state at its place, if there
-    are any (`whole`), else of the law alone.
+    formulas: of the law plus the named effects that depend on the same state at its place
+    (`whole`), or of the law alone.
     """
 
     curve: Learned
@@ -134,7 +135,7 @@ class LearnedLaw(Law):
 
     @property
     def turns(self) -> bool:
-        """Whether it repeats over position, so that a ripple is its first harmonic."""
+        """Whether the law repeats over position, so that a ripple is its first harmonic."""
         return self.curve.period > 0.0
 
     @property
@@ -144,12 +145,12 @@ class LearnedLaw(Law):
 
     @property
     def formula(self) -> str:
-        """Its formula, "" for none."""
+        """The law's formula, "" for none."""
         return self.formulas[0].text(self.letter) if self.formulas else ""
 
     @property
     def over(self) -> str:
-        """The state that it depends on, and its period."""
+        """The state that the law depends on, and its period."""
         period = self.curve.period
         length = "rad" if self.rotary else "m"
         repeats = f", repeating every {with_unit(period, length, 4)}" if period else ""
@@ -157,53 +158,55 @@ class LearnedLaw(Law):
 
     @property
     def extent(self) -> str:
-        """Say its size, its state, its form, and its worth."""
+        """Say the law's size, state, form, and worth."""
         reads = self.curve.physics.effect.name == "free_sensor"
         unit = ("rad" if self.rotary else "m") if reads else self.force_unit
         most = with_unit(float(np.abs(law_at(self.curve.physics, self.curve.seen)).max()), unit, 2)
         alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
-        return f"up to {most} over {self.over}{self._looks(alike)}; {self.worth}"
+        return f"it reaches {most} and depends on {self.over}{self._looks(alike)}; {self.worth}"
 
     def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where it acts, and its extent."""
+        """Return the first line of an answer: where the law acts, and its extent."""
         curve = self.curve
         name = curve.physics.effect.name
-        what = {
-            "free_amplifier": "an error is added to the command",
-            "free_sensor": "the reading errs",
-        }.get(name, f"a force acts {place_in_words(curve.physics.place, masses)}")
-        return f"{what} that has no name in the library: {self.extent}"
+        acts = {
+            "free_amplifier": "an error that has no name in the library is added to the command",
+            "free_sensor": "the reading has an error that has no name in the library",
+        }.get(name, _acts(place_in_words(curve.physics.place, masses)))
+        return f"{acts}: {self.extent}"
 
     def _looks(self, like: str) -> str:
         if not self.formulas:
             return ""
         names = () if self.curve.together is None or not self.whole else self.curve.together.names
-        return f", which{f' together with {listed(names)}' if names else ''} looks like {like}"
+        return f", and{f', together with {listed(names)},' if names else ''} looks like {like}"
 
     @property
     def sentence(self) -> str:
-        """Say what was learned."""
+        """Say which law was learned."""
         what = {
-            "free_amplifier": "what is added to the command",
+            "free_amplifier": "an error added to the command",
             "free_sensor": "the error of the reading",
         }.get(self.curve.physics.effect.name, f"a force at {self.curve.physics.at}")
-        return f"{what} over {self.over}{self._looks(self.formula)}"
+        return f"{what} that depends on {self.over}{self._looks(self.formula)}"
 
     @property
     def absorbed(self) -> str:
         """Say which named effects were part of the curve, "" for none."""
         gone = self.curve.absorbed
-        was, it = ("was", "it") if len(gone) == 1 else ("were", "them")
-        return f"{listed(gone)} {was} no longer needed: this curve includes {it}" if gone else ""
+        is_, it = ("is", "it") if len(gone) == 1 else ("are", "them")
+        return (
+            f"{listed(gone)} {is_} no longer needed, since this curve includes {it}" if gone else ""
+        )
 
     @property
     def size(self) -> str:
-        """Its entry in a device file."""
+        """The law's entry in a device file."""
         return f"a table of {self.curve.states.size} points"
 
     @property
     def caption(self) -> str:
-        """The title of its picture."""
+        """The title of the law's picture."""
         whole = self.curve.together
         both = "" if whole is None else (
             " The second curve is the sum of all forces that depend on the same quantity: the"
@@ -211,25 +214,26 @@ class LearnedLaw(Law):
         )  # fmt: skip
         return (
             "The learned curve with its 95 % band; the dots are the force that each sample of the"
-            " recording needs. Below: how many samples there are. The band includes what a damper,"
-            f" a spring or another rest position could explain instead of the curve.{both}"
+            " recording needs. Below: how many samples there are. The band also covers what a"
+            " different damper, spring or rest position could explain in place of part of the"
+            f" curve.{both}"
         )
 
     @property
     def others(self) -> list[str]:
-        """Formulas that its band does not distinguish from the first."""
+        """Formulas that the band does not distinguish from the first."""
         return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1 : 1 + LISTED]]
 
     @property
     def energy(self) -> str:
-        """Say whether it ever generates energy."""
+        """Say whether the law ever generates energy."""
         return makes_energy(self.curve, self.rotary)
 
     def samples(self) -> tuple[Floats, Floats]:
-        """Return states and forces (samples,): the law's force according to each sample.
+        """Return states and forces (samples,): the force that each sample requires from the law.
 
-        The law at the predicted state, plus the force that its innovations require beyond it
-        (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
+        A force is the law at the predicted state plus the force that the innovations require beyond
+        the fit (`friction_curve.asked_beyond`), in the recordings that were fitted.
         """
         physics, states = self.curve.physics, self.curve.seen
         final, problem = self.found.final, self.found.problem
@@ -263,8 +267,8 @@ class LearnedLaw(Law):
 class LearnedSurface(Law):
     """A law over two states, and formulas near those of its tables (cheapest first).
 
-    forms: of the first and of the second state; () for a grid, and empty if no form fits. names:
-    with the law of one state that is believed, if any.
+    forms: of the first and of the second state, each empty if no form fits; () for a grid. names:
+    with the believed law of one state, if any.
     """
 
     curve: Surface
@@ -272,12 +276,12 @@ class LearnedSurface(Law):
 
     @property
     def over(self) -> str:
-        """The states that it depends on, in words."""
+        """The states that the law depends on, in words."""
         return " and ".join(self.curve.over)
 
     @property
     def formula(self) -> str:
-        """Its formula, "" for none."""
+        """The law's formula, "" for none."""
         if not self.forms or not all(self.forms):
             return ""
         first, second = (LETTERS[state] for state in self.curve.states)
@@ -295,7 +299,7 @@ class LearnedSurface(Law):
 
     @property
     def form(self) -> str:
-        """Its form in words: the laws that it is made of, "" for a grid."""
+        """The form in words: the laws of its tables, "" for a grid."""
         each = [f"a {form[0].form.name}" if form else "a law" for form in self.forms]
         does = " shifted by " if self.curve.shifts else " times "
         return does.join(
@@ -304,31 +308,32 @@ class LearnedSurface(Law):
 
     @property
     def absorbed(self) -> str:
-        """Which named effects were part of it; a surface replaces them."""
+        """Return "": a surface replaces effects, but absorbs none."""
         return ""
 
     @property
     def extent(self) -> str:
-        """Say its size, its states, its form, and its worth."""
+        """Say the law's size, states, form, and worth."""
         most = float(np.abs(self.curve.at(*self.curve.seen.T)).max())
-        looks = f", which looks like {self.form}" if self.forms else ""
+        looks = f", and looks like {self.form}" if self.forms else ""
         size = with_unit(most, self.force_unit, 2)
-        return f"up to {size} over {self.over} together{looks}; {self.worth}"
+        return f"it reaches {size} and depends on {self.over} together{looks}; {self.worth}"
 
     def headline(self, masses: int) -> str:
-        """Say it as the first line of an answer: where it acts, and its extent."""
+        """Return the first line of an answer: where the law acts, and its extent."""
         at = place_in_words(self.curve.physics.place, masses)
-        return f"a force acts {at} that has no name in the library: {self.extent}"
+        return f"{_acts(at)}: {self.extent}"
 
     @property
     def sentence(self) -> str:
-        """Say what was learned."""
-        looks = f", which looks like {self.formula}" if self.formula else ""
-        return f"a force at {self.curve.physics.at} over {self.over} together{looks}"
+        """Say which law was learned."""
+        looks = f", and looks like {self.formula}" if self.formula else ""
+        at = self.curve.physics.at
+        return f"a force at {at} that depends on {self.over} together{looks}"
 
     @property
     def size(self) -> str:
-        """Its entry in a device file."""
+        """The law's entry in a device file."""
         if isinstance(self.curve.form, TablesForm):
             product = two_tables_of(self.curve.physics.values)
             return f"two tables of {len(product.first)} and {len(product.second)} points"
@@ -337,18 +342,18 @@ class LearnedSurface(Law):
 
     @property
     def caption(self) -> str:
-        """The title of its picture."""
+        """The title of the law's picture."""
         first, second = self.curve.over
         return (
             "Above: the force over both quantities, where the recording has samples (dots). Below:"
             f" over {first} for some values of {second}, and over {second} for some values of"
-            f" {first}. The 95 % band includes what a damper, a spring or a scale of the command"
-            " could explain instead."
+            f" {first}. The 95 % band also covers what a different damper, spring or scale of the"
+            " command could explain in place of part of the law."
         )
 
     @property
     def others(self) -> list[str]:
-        """Formulas that its band does not distinguish from the first, of either law."""
+        """Formulas that the band does not distinguish from the first, of either law."""
         return [
             f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
             for form, state in zip(self.forms, self.curve.states, strict=False)
@@ -357,7 +362,7 @@ class LearnedSurface(Law):
 
     @property
     def energy(self) -> str:
-        """Say whether it generates energy along the recording, with the damper at its place."""
+        """Say whether the law generates energy along the recording, alone and with its damper."""
         final, place = self.found.final, self.curve.physics.place
         moved = predicted_states(self.found.problem, final)
         n, (i, j) = moved[0].shape[1] // 2, place.ends
@@ -370,11 +375,11 @@ class LearnedSurface(Law):
         whole = own - float(dampers[place.index]) * v * v
         does = "dissipates" if own.mean() <= 0.0 else "generates"
         mean = with_unit(abs(float(own.mean())), "W", 2)
-        said = f"on average over the recording this force {does} {mean}"
+        said = f"on average over the recording, this force {does} {mean}"
         if float(whole.max()) <= LITTLE * float(np.abs(whole).max()):
-            return f"{said}; together with the damper it never generates energy"
+            return f"{said}; together with the damper, this force never generates energy"
         at_most = with_unit(float(whole.max()), "W", 2)
-        return f"{said}; together with the damper it generates {at_most} at most"
+        return f"{said}; together with the damper, this force generates {at_most} at most"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -390,7 +395,7 @@ class LearnedSurface(Law):
         }
 
     def _likeliest(self) -> dict[str, Any]:
-        """The likeliest formula of two tables, from those of both."""
+        """The most likely formula of two tables, from the formulas of each."""
         return {
             "form": "shift" if self.curve.shifts else "product",
             "text": self.formula,
@@ -450,6 +455,11 @@ def _quantiles(seen: Floats) -> dict[str, float]:
     return dict(zip(map(str, QUANTILES), np.quantile(seen, QUANTILES).tolist(), strict=True))
 
 
+def _acts(at: str) -> str:
+    """A force without a name, and where it acts, in words."""
+    return f"a force that has no name in the library acts {at}"
+
+
 def _a(form: str) -> str:
     """The name of a form with its article."""
     first = form.split(" ")[0]
@@ -458,7 +468,7 @@ def _a(form: str) -> str:
 
 
 def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
-    """Return the formulas near a law, and whether they include the names that follow its state."""
+    """Return the formulas near a law, and whether they include named effects over its state."""
     whole = curve.together
     if whole is not None:
         rubs = any("friction" in name for name in whole.names)
@@ -470,10 +480,7 @@ def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
 
 
 def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
-    """Return the formulas near each law of two tables, () for a grid.
-
-    A shift may include another constant, since nothing determines its zero.
-    """
+    """Return formulas near each law of two tables (shifts up to a constant), () for a grid."""
     if not isinstance(curve.form, TablesForm):
         return ()
     tables = curve.form.tables

@@ -1,4 +1,4 @@
-"""Learned laws: fitted where no library effect explains a recording, judged on held-out data."""
+"""Learned laws: fitted if no library effect explains a recording, judged on held-out data."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -25,14 +25,14 @@ from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, judge
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
-# A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
+# Forms of a spring, damper, scale, constant force or origin: parameters or library effects.
 STRAIGHT = ("straight line", "line", "offset")
-LAWS = 3  # of each horizon, that are held against held-out data
+LAWS = 3  # of each horizon, that are tested on held-out data
 
 
 @dataclass(frozen=True)
 class Asked:
-    """The inputs of learning: an answer, recordings that judge, where to report progress."""
+    """The inputs of learning: an answer, recordings that judge, and a function for progress."""
 
     device: Device
     found: Searched
@@ -40,7 +40,7 @@ class Asked:
     say: Say
 
     def hopeful(self, names: HeldOut, h: Hypothesis) -> bool:
-        """Whether free runs of a table with all its points err as little as a law must."""
+        """Whether free runs with a full table err little enough for a law."""
         share = free_share(h.model, h.x, judge_of(h), self.judge_by)
         return share < VERDICT.worth_a_law * names.after
 
@@ -64,27 +64,28 @@ class Asked:
         return None
 
     def runs_away(self, law: Searched) -> bool:
-        """Whether one free run over all held-out data ends further off than the motion goes.
+        """Whether a law fails in a single free run over all held-out data.
 
-        And than without the law: a table may hold over short runs and push beyond its last point.
+        That is if its error exceeds both the motion and the error without the law: a table may hold
+        over short runs and push beyond its last point.
         """
         read = [e.measured[e.known, 0] for e in self.judge_by]
         motion = rms([y - y.mean() for y in read])
         return self._off(law) > max(self._off(self.found), motion)
 
     def _off(self, of: Searched) -> float:
-        """The error of the first output in a free run over all held-out data, infinite if it is."""
+        """Rms error of a free run over all held-out data, infinite after an overflow."""
         model, x = of.final.model, of.final.x
         runs = [(free_run(model, x, e, of.judge) - e.measured)[e.known, 0] for e in self.judge_by]
         return finite_rms(np.concatenate(runs))
 
     def judged(self, search: Search, curve: Learned, names: HeldOut) -> LearnedLaw | None:
-        """A law as held-out data judge it; None if they reject it, or it is a line."""
+        """A law with its errors on held-out data; None if these reject it, or it is a line."""
         fit = self.held_out(search, curve.hypothesis, names)
         if fit is None:
             return None
         looks, both = like_what(curve)
-        if looks and looks[0].form.name in STRAIGHT:  # within a band that holds anything
+        if looks and looks[0].form.name in STRAIGHT:
             self.say("the learned law is a straight line, which is a linear parameter: dropped")
             return None
         return LearnedLaw(curve, names, *fit, looks, both)
@@ -106,15 +107,15 @@ class Asked:
 
 
 def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
-    """Learn a law if effects do not explain a recording; None if none improves held-out data.
+    """Learn a law if effects do not explain a recording; None if no law improves held-out data.
 
     Laws are sought by one-step errors, and by errors over a longer horizon: if a hypothesis assumes
-    noise of slow forces, the next sample shows little of a law, and a motion of half a second shows
-    much. First the likeliest law of each kind is tested. Of those that improve held-out data, the
-    one with the smaller error there is taken; if neither does, the next of each kind is tested, as
-    with named effects. names: free runs on held-out data with the named effects.
+    noise of slow forces, one-step errors show little of a law, and a motion of half a second shows
+    much. First the most likely law of each horizon is tested. Of those that improve held-out data,
+    the one with the smaller error there is returned; if neither does, the next of each horizon is
+    tested. names: free runs on held-out data with the named effects.
     """
-    asked.say("no known effect explains it: learning a law")
+    asked.say("the effects of the library do not explain the recording: learning a law")
     hopeful = partial(asked.hopeful, names)
     horizons = [(search, laws(search, asked.say, hopeful)) for search in asked.horizons()]
     for _ in range(LAWS):
@@ -124,17 +125,17 @@ def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:
             if (curve := next(each, None)) is not None
             and (one := asked.judged(search, curve, names)) is not None
         ]
-        # What a horizon taught may hold on what it was taught by alone.
+        # A law learned over one horizon may hold only on the data that it was learned from.
         if told:
             return min(told, key=lambda law: law.law.after)
     return None
 
 
 def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSurface | None:
-    """Learn a law over two states; None if none improves held-out data, or `Effort` excludes it.
+    """Learn a law over two states; None if none improves held-out data, or `Effort` excludes them.
 
-    Tried if free runs still err more than noise predicts, after a law of one state if one was
-    learned. As `learned`, and also compared with that law.
+    Tried if free runs still err more than noise predicts, also with the law `one` of one state, if
+    any. Works as `learned`, and also compares with that law.
     """
     if not asked.found.tried.effort.surfaces:
         return None
@@ -155,7 +156,7 @@ def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSu
                     continue
                 held, law = True, LearnedSurface(surface, left, *fit, factors(surface))
                 if law.law.after < law.law.noise_floor:
-                    return law  # nothing is left to be said
+                    return law  # nothing is left to explain
                 told.append(law)
             if held:
                 break
@@ -163,7 +164,7 @@ def learned_over_two(asked: Asked, names: HeldOut, one: Law | None) -> LearnedSu
 
 
 def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
-    """A hypothesis with the noise of another search's family, fitted; None if none follows."""
+    """A hypothesis fitted with a search's noise family; None if no observer is possible."""
     family = search.best.family
     if h.family == family:
         return h
@@ -175,16 +176,16 @@ def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
 def beside_names(asked: Asked, names: HeldOut) -> tuple[LearnedLaw | None, bool]:
     """Return a law if effects explain a recording, and whether it replaces several of them.
 
-    The named effects may be a sum of names near a law that is in no library, or lack a part of it
-    that follows one state. This is tried only if some rounds of a fit promise a law beside the
-    names, because a law that is better in their place also improves the fit beside them. As
-    `learned`; None if the names stand.
+    Several named effects may together approximate one law that is in no library, or lack a part
+    over one state. This is tried only if a few rounds of fitting promise a law beside the named
+    effects, because a law that is better in their place also improves the fit beside them. None if
+    the named effects are better.
     """
     tried, hopeful = asked.found.tried, partial(asked.hopeful, names)
     tables = promising(tried.best, asked.say, hopeful)
     if not tables:
         return None, False
-    asked.say("checking whether one learned law explains as much as these effects together")
+    asked.say("checking whether one learned law explains as much as the named effects together")
     for curve in itertools.islice(replacing(tried, asked.say, hopeful), LAWS):
         law = asked.judged(tried, curve, names)
         if law is not None:

@@ -1,6 +1,6 @@
 """Did the command have one level only? If so, the level to record next.
 
-With steps between +A and -A, a friction F differs hardly from a command of A - F. Effects that
+With steps between +A and -A, a friction F hardly differs from a command of A - F. Effects that
 depend on the size of the motion (dry friction, drag, a dead band, a limit) differ from linear
 parameters only in how the motion reverses, and from one another by even less. A second level
 distinguishes them at once. Simulations show which level: the recordings are repeated at shares of
@@ -11,12 +11,11 @@ the motion they differ by
 
 and the best share is the one with the largest d among those at which the device still moves.
 
-The error of free runs on held-out data, over the motion, says how accurate the answer is. If that
-error is larger than the noise of readings, more than d(1) and less than d(share), another
-hypothesis is as good at this level but not at another one. Then no effect is claimed, however much
-likelier it is.
+If the error of free runs on held-out data, relative to the motion, exceeds the noise of readings
+and lies between d(1) and d(share), another hypothesis is as good at this level but not at another.
+Then no effect is claimed, however much more likely it is.
 
-Limits: the others are those that the search fitted; other laws may need yet another level.
+Limits: only hypotheses that the search fitted are compared; other laws may need yet another level.
 """
 
 from collections.abc import Sequence
@@ -31,24 +30,25 @@ from zwidth.diagnosis.answer.whole_run import simulated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.shown import Valued
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.readable import percent, plain, with_unit
 
 Floats = NDArray[np.float64]
-NOTHING = 0.05  # of the largest command, below which there is none
-SAME = 1.25  # largest over smallest level, up to which they are one
-SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # of the level, that are simulated
-MOVES = 0.2  # of the motion in proportion, below which a device hardly moves
-OTHERS = 3  # hypotheses beside the refit that the answer is held against
+NOTHING = 0.05  # of the largest command, below which a command counts as zero
+SAME = 1.25  # largest over smallest level, up to which they count as one level
+SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # of the level: those simulated
+MOVES = 0.2  # of a motion proportional to the command, below which a device hardly moves
+OTHERS = 3  # hypotheses beside the refit that the answer is compared with
 BENDING = ("friction", "force", "command")  # hooks of laws that do not grow with the motion
 
 
 @dataclass(frozen=True)
-class NextLevel:
+class NextLevel(Valued):
     """The only level of all commands [unit], the share to record next, the difference there.
 
-    differs: how far the answer and the nearest other are apart at that level, over the motion; now:
-    the same at the recorded level.
+    differs: distance of answer and nearest other at that level, relative to the motion; now: the
+    same at the recorded level.
     """
 
     level: float
@@ -65,7 +65,7 @@ class NextLevel:
     def advice(self) -> str:
         """Which level to record."""
         level = with_unit(self.share * self.level, self.unit, 3)
-        return f"record the same at {level} ({plain(self.share, 2)} times)"
+        return f"repeat the recording at {level} ({plain(self.share, 2)} times the present level)"
 
     @property
     def sentence(self) -> str:
@@ -73,17 +73,18 @@ class NextLevel:
         return (
             f"the command has a single level, {with_unit(self.level, self.unit, 3)}, at which"
             f" friction looks like a weaker command: {self.advice} and diagnose both together; at"
-            f" that level this answer and its nearest rival differ by {percent(self.differs)} of"
-            f" the motion, at the present level by {percent(self.now)}"
+            " the new level, this answer and its nearest rival differ by"
+            f" {percent(self.differs)} of the motion, at the present level by {percent(self.now)}"
         )
 
 
 def next_level(
     found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> NextLevel | None:
-    """Return the level to record next; None if there are several, or nothing depends on the level.
+    """Return the level to record next.
 
-    If nothing was found, the refit is the answer, which other levels may refute.
+    None if the recordings have several levels, or recording another would not help. If nothing was
+    found, the refit is the answer, which other levels may refute.
     """
     bends = [p for p in found.final.model.effects if _bends(p)]
     if found.final.model.effects and not bends:
@@ -120,7 +121,7 @@ def _bends(p: Physics) -> bool:
 
 
 def _others(found: Searched) -> list[tuple[Model, Floats]]:
-    """The refit, and the likeliest hypotheses that lack some of what was found."""
+    """The refit, and the most likely hypotheses that lack some effect of the answer."""
     own = found.tried.best.labels
     tried = [h for h in found.tried.tried.values() if h.model.effects and not own <= h.labels]
     tried.sort(key=lambda h: h.cost.total)

@@ -1,7 +1,7 @@
-"""Values of an answer in a recording's own units (A, V, counts) where a scale is unknown.
+"""Values of an answer in a recording's own units (A, V, counts) if a scale is unknown.
 
-One ampere or one count is then taken for one SI unit (`sim.readable.counted_in`), so that the
-numbers stay and only their units change: a friction of 0.4 N m becomes one of 0.4 A.
+One ampere or one count then counts as one SI unit (`sim.readable.counted_in`), so that only the
+units change and not the numbers: a friction of 0.4 N m becomes one of 0.4 A.
 """
 
 from dataclasses import fields, is_dataclass, replace
@@ -17,7 +17,7 @@ PARTS = ("findings", "negligible", "linear_refit", "changes", "events", "whole_r
 
 
 def in_own_units(found: Diagnosis) -> Diagnosis:
-    """Return the answer with the units of `counted_in`, which is to be in force; as it is in SI."""
+    """Return the answer in the units of the enclosing `counted_in`; unchanged in SI units."""
     if as_counted("N m") == "N m" and as_counted("rad") == "rad":
         return found
     return replace(found, **{name: _called(getattr(found, name)) for name in PARTS})

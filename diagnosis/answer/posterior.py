@@ -1,8 +1,8 @@
 """The joint uncertainty of an answer's parameters, for the device file.
 
 The other free values of a fit (origins, the skew and jitter of the clock, differences between
-recordings) are integrated out. The covariance is that of all parameters together: if the scale of
-the command is free, masses and forces scatter with it. A parameter that moves nothing is left out.
+recordings) are integrated out. Parameters covary: if the scale of the command is free, masses and
+forces scatter with it. A parameter without influence is left out.
 """
 
 from dataclasses import replace

@@ -1,20 +1,19 @@
-"""What an answer predicts of a new command: the state from its first samples, then a free run.
+"""Predicts outputs under a new command: the state from the first samples, then a free run.
 
-The first window is followed by the observer of the answer, which begins where that window fits best
-(`noise.beginning`); from its end on nothing is corrected. That is the free run by which an answer
-is judged on held-out data, with what was measured before it cut to the window (`whole_run`).
+The answer's observer follows the first window, from the initial state that fits this window best
+(`noise.beginning`); after the window nothing is corrected. An answer is judged on held-out data by
+the same free run (`whole_run`), with the data before it cut to the window.
 
-What is predicted with is the answer, with the law that was learned where that law is known: of a
-curve whose band is as wide as the curve is high, as friction has one between the speeds at which a
-recording dwells, a run along another path tells nothing. Without it, numbers that the next samples
-leave loose are fitted once more, by the error of free runs as long as the recordings, and to all
-that was recorded; where that errs less on the held-out rest, fitted to the first part alone, it is
-what predicts. (Of a device without a spring an offset that is wrong by 0.1 N is nothing in a sample
-and a centimetre in half a minute.)
+The prediction uses the answer, with a learned law only if the law is well known: a curve whose band
+is as wide as the curve is high (friction between the speeds at which a recording dwells) predicts
+nothing along another path. Without a law, the parameters are fitted once more by the error of free
+runs as long as the recordings. If such a fit to the first part errs less on the held-out rest, the
+prediction uses such a fit to all data. (On a device without a spring, a wrong offset of 0.1 N
+changes one sample by nothing and half a minute by a centimetre.)
 
-Limits: what was known of the recordings alone (forces from outside, a supply, a base that moves, a
-change at some time, a value that follows a temperature) does not act here. A sensor that folds says
-no sign: in the window it is that of the command.
+Limits: influences known only for the recordings (forces from outside, a supply, a moving base, a
+change at some time, a value that depends on a temperature) do not act here. A sensor that folds
+gives no sign; in the window the command's sign is used.
 """
 
 from collections.abc import Sequence
@@ -48,7 +47,7 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
 
 Floats = NDArray[np.float64]
-LEAST = 10  # samples, of which the slope of a position is taken
+LEAST = 10  # first readings needed
 KEPT = ("period", "outputs", "swing", "differenced", "folded")
 
 
@@ -60,10 +59,7 @@ def predicted(
     command: ArrayLike,
     first: ArrayLike,
 ) -> Floats:
-    """Return the outputs as `Diagnosis.predict` does, and raise as it does.
-
-    like: a recording that was diagnosed; smooth: whether commands are so between their samples.
-    """
+    """Return the outputs, or raise, as `Diagnosis.predict` does; like: a diagnosed recording."""
     _refuse_corrected(faults)
     u, y = _checked(like, command, first)
     new = _taken(like, held_for(u) if smooth else u, y)
@@ -78,7 +74,7 @@ def predicted(
 def predicts(
     found: Searched, learned: "LearnedLaw | LearnedSurface | None", whole: Sequence[Experiment]
 ) -> Searched:
-    """Return what an answer predicts with. found: the names; whole: all that was recorded."""
+    """Return the fit that predicts. found: with the named effects; whole: complete recordings."""
     if learned is not None and _is_known(learned):
         return learned.found
     longer = attempt("prediction", "by long free runs", partial(_by_long_runs, found, whole))
@@ -86,11 +82,11 @@ def predicts(
 
 
 def _is_known(law: "LearnedLaw | LearnedSurface") -> bool:
-    """Whether a learned law is known well where it was seen; a surface is not asked."""
+    """Whether a learned law is known well where it has samples; always for a surface."""
     curve = law.curve
     if not isinstance(curve, Learned):
         return True
-    # Its straight part is a damper or a spring as well, and known with that.
+    # Its straight part is exchangeable with a damper or a spring, and is known together with it.
     line = np.column_stack([np.ones(curve.states.size), curve.states])
     bends = np.eye(curve.states.size) - line @ np.linalg.pinv(line)
     half = Z95**2 * np.trace(bends @ curve.covariance @ bends)
@@ -98,7 +94,7 @@ def _is_known(law: "LearnedLaw | LearnedSurface") -> bool:
 
 
 def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | None:
-    """The same names as free runs as long as the recordings tell them; None where no better."""
+    """The same effects, fitted by free runs as long as the recordings; None if no better."""
     firsts, final = found.problem.experiments, found.final
     pairs = list(zip(firsts, whole, strict=False))
     cut = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in pairs)
@@ -161,7 +157,7 @@ def _checked(like: Experiment, command: ArrayLike, first: ArrayLike) -> tuple[Fl
 
 
 def _taken(like: Experiment, u: Floats, y: Floats) -> Experiment:
-    """A recording of a command whose first readings are known, taken as the others were."""
+    """A recording of a command and its first readings, converted as the diagnosed recording was."""
     measured = np.zeros((u.size, y.shape[1]))
     measured[: y.shape[0]] = y
     same = {name: getattr(like, name) for name in KEPT}
@@ -173,7 +169,7 @@ def _taken(like: Experiment, u: Floats, y: Floats) -> Experiment:
     if like.folded:
         measured[: y.shape[0], 0] = folded_out(y[:, 0], u[: y.shape[0]])
     for o, output in enumerate(like.outputs):
-        if (a := like.differenced.get(output)) is not None:  # turns round what `recorded` does
+        if (a := like.differenced.get(output)) is not None:  # inverts `recorded`
             moved = lfilter([1.0, -a], [1.0 - a], y[:, o]) * like.period
             measured[: y.shape[0], o] = np.cumsum(moved)
     return new

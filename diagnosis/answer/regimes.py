@@ -1,9 +1,9 @@
-"""Checks whether the model holds in every regime of the motion, or in one only.
+"""Checks whether the model holds in every regime of the motion.
 
 The last third of a recording is mostly more of the same, and tests little: at one level friction is
 a smaller command, in one direction it is a constant force. So each finding is also tested on motion
 of another kind: a regime is left out (a recording, a level of the command, a direction, half of the
-travel), parameters are fitted to the rest, and must predict what was left out.
+travel), and a fit to the rest must predict it.
 
 Let r be the weighted innovations and priors at the best x, and J their slopes. A fit to the rest q,
 without the samples of a regime s, differs by one Gauss-Newton step
@@ -13,8 +13,8 @@ without the samples of a regime s, differs by one Gauss-Newton step
 is the error in the regime if it had no part in the fit. An effect holds in a regime unless a model
 without it, treated the same way, is believed over it there (`selection.evidence`).
 
-Limits: only one step is made. So a regime that alone determines a parameter is skipped, such as the
-level of friction in one direction: J_q'J_q, nearly singular beside J'J, does not determine it.
+Limits: only one step is made. So a regime that alone determines a parameter (such as the level of
+friction in one direction) is skipped; J_q'J_q is then nearly singular relative to J'J.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,17 +33,14 @@ from zwidth.diagnosis.settings import EVIDENCE
 
 Floats = NDArray[np.float64]
 Where = NDArray[np.bool_]
-LEVELS = 1.5  # ratio of the command's size in the loud half to that in the quiet one: two levels
+LEVELS = 1.5  # command of the loud half over the quiet half, above which levels differ
 LEAST = 0.15  # of the samples, that a regime must have
-TOLD = 0.05  # of what all samples say of a direction of x, that must be left without the regime
+TOLD = 0.05  # of the information in a direction of x, which must remain without the regime
 
 
 @dataclass(frozen=True)
 class Regime:
-    """A part of the recordings. where: (ticks,) of all recordings, without those of settling.
-
-    other: the words for the part outside of it.
-    """
+    """A part of the recordings. where: (settled ticks,); other: words for the remainder."""
 
     name: str
     other: str
@@ -96,10 +93,7 @@ def _speed(e: Experiment) -> Floats:
 
 
 def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
-    """How well a hypothesis predicts each regime, compared with one without some of its effects.
-
-    Both have slopes. Regimes that alone determine a parameter are left out.
-    """
+    """Compare fitted hypotheses in each regime that does not alone determine a parameter."""
     found: list[Held] = []
     for regime in regimes(new.experiments):
         costs = [_left_out(h, regime.where) for h in (new, old)]
@@ -114,10 +108,7 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
 
 
 def _left_out(h: Hypothesis, where: Where) -> Floats | None:
-    """-2 log likelihood (ticks of the regime,) for a fit to the rest; None if that is undetermined.
-
-    The covariance of all innovations is that of the noise, as in `Observer.cost`.
-    """
+    """-2 log likelihood (ticks of the regime,) for a fit to the rest; None if undetermined."""
     if h.slopes is None:
         return None
     o = h.noise.observer.deviation.size
@@ -150,7 +141,7 @@ def step_without(
     every, rest = (part.reshape(-1, slopes.shape[2]) for part in (slopes, slopes[~where]))
     about = prior[1].T @ prior[1]
     whole, left = every.T @ every + about, rest.T @ rest + about
-    # Of each direction of x, the share of what all samples tell that the rest tells too.
+    # For each direction of x, the rest's share of the information of all samples.
     if eigh(left, whole, eigvals_only=True).min() < TOLD:
         return None
     downhill = -(rest.T @ rows[~where].ravel() + prior[1].T @ prior[0])

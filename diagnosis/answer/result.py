@@ -74,8 +74,8 @@ class Rival(Valued):
 class Held(Valued):
     """How well an effect predicts a regime that was not fitted (`answer.regimes`).
 
-    other: where the fit was made. sigma: of the comparison with a model without it; fails: whether
-    that model is believed there.
+    other: the motion that was fitted. sigma: of the comparison with a model without the effect;
+    fails: whether that model is believed in the regime.
     """
 
     regime: str
@@ -86,15 +86,15 @@ class Held(Valued):
 
 @dataclass(frozen=True)
 class Finding(Valued):
-    """One effect that was found.
+    """One effect of an answer.
 
-    separation_sigma: how much better the best model with it is than the best without it. rivals:
-    other effects in its place, nearest first. probability: that the device has it, among all
-    hypotheses that were fitted; None if it was seen in the recording itself, or if no hypothesis is
-    adequate. with_richer: probability that the device has it or a richer form of it, which decides
-    the verdict. regimes: how well it predicts parts of the motion that were not fitted. worth: how
-    much larger the error of free runs on held-out data is without it; None if nothing was held out
-    or it is no part of the model (`answer.consequence`).
+    separation_sigma: how much better the best model with the effect is than the best without.
+    rivals: other effects in its place, nearest first. probability: that the device has the effect,
+    among all hypotheses that were fitted; None if it was seen in the recording itself, or if no
+    hypothesis is adequate. with_richer: probability that the device has the effect or a richer
+    form, which decides the verdict. regimes: how well the effect predicts parts of the motion that
+    were not fitted. worth: how much larger the error of free runs on held-out data is without it;
+    None if nothing was held out or the effect is not part of the model (`answer.consequence`).
     """
 
     effect: str
@@ -134,7 +134,7 @@ class Finding(Valued):
     def without_probability(self) -> "Finding":
         """Return the finding without its probability, for an answer that is not adequate.
 
-        Then no fitted hypothesis is adequate, so their relative weights are not probabilities.
+        No fitted hypothesis is adequate then, so their relative weights are no probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
@@ -158,8 +158,8 @@ UNKNOWN_FIT = HeldOut(np.nan, np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Innovations in units of their noise, (ticks, outputs), refitted and with what was found."""
+class Residuals(Valued):
+    """Innovations in units of their noise, (ticks, outputs), of the refit and of the answer."""
 
     period: float
     before: Floats
@@ -167,11 +167,8 @@ class Residuals:
 
 
 @dataclass(frozen=True)
-class NextExperiment:
-    """A scenario file that plays the excitation, the two effects, and their distance on it.
-
-    sigmas: excitation -> distance, furthest first.
-    """
+class NextExperiment(Valued):
+    """A scenario file whose excitation separates two effects; sigmas: excitation -> distance."""
 
     excitation: str
     scenario: Path
@@ -190,14 +187,14 @@ class NextExperiment:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
-    """The result of a diagnosis. device: improved by the effects found, with refitted parameters.
+    """The result of a diagnosis. device: improved by the findings, with refitted parameters.
 
-    headline: the answer in one line; sentence: the reason for the verdict; both without
-    a full stop (`answer.words`). cautions: warnings for its use; next_level: another level to
-    record, where all commands have one. searched: what the search found; experiments: the
-    recordings as they were read. errors: internal errors that prevented a part of the answer;
-    left_out: the recordings, by index, that could not be used because of them. negligible: effects
-    that are detected, but too small to matter (`answer.consequence`).
+    headline: the answer in one line; sentence: the reason for the verdict; both without a full stop
+    (`answer.words`). cautions: warnings for its use; next_level: another level to record, if all
+    commands have one level. searched: the result of the search; experiments: the recordings as they
+    were read. errors: internal errors that prevented a part of the answer; left_out: indices of
+    recordings that could not be used because of errors. negligible: effects that are detected, but
+    too small to matter (`answer.consequence`).
     """
 
     verdict: Verdict
@@ -231,19 +228,18 @@ class Diagnosis(Shown):
     negligible: tuple[Finding, ...] = ()
 
     def predict(self, u_test: ArrayLike, y_first: ArrayLike) -> Floats:
-        """Return what the improved device makes of a new command, with a law that was learned.
+        """Return the outputs of the improved device under a new command.
 
-        u_test (ticks,): a command for every period of the recordings [N, N m; where these were
-        diagnosed in their own units, in those]. y_first (n,), of one output, or (n, outputs): the
-        first samples that were measured under it, in the order of the recordings' outputs [m, rad,
-        m/s, rad/s; N, N m of a drive's force], ten at least.
+        u_test (ticks,): a command for every period of the recordings [N, N m; or the recordings'
+        own units, if they were diagnosed in these]. y_first (n,), of one output, or (n, outputs):
+        the first samples measured under u_test, in the order of the recordings' outputs [m, rad,
+        m/s, rad/s; N, N m of a drive's force], at least ten.
 
-        The state is estimated from y_first; from there on the device runs free, under the command
-        alone. Returns (ticks,) or (ticks, outputs) in the same units, the first n samples as they
-        were given. Infinite from where the motion overflows. Raises ValueError, with what to
-        change, for arrays of another shape or that are not finite, and where the recordings had to
-        be corrected before they could be read (a wrong sign or unit, columns exchanged, a late
-        command).
+        The state is estimated from y_first; after it the device runs free, with a learned law if
+        this is known well. Returns (ticks,) or (ticks, outputs) in the same units, beginning with
+        y_first; infinite after an overflow. Raises ValueError, with advice, if an array has another
+        shape or is not finite, or if the recordings had to be corrected (a wrong sign or unit,
+        exchanged columns, a late command).
         """
         from zwidth.diagnosis.answer.prediction import predicted  # which needs this module
 
@@ -254,9 +250,9 @@ class Diagnosis(Shown):
 
     @cached_property
     def predicts_with(self) -> Searched:
-        """What `predict` runs: the answer, its law where that is known, its numbers for long runs.
+        """The fit that `predict` runs: with a well-known law, or with parameters for long runs.
 
-        The first time it is asked for it may fit for some seconds (`answer.prediction`).
+        The first access may fit for some seconds (`answer.prediction`).
         """
         from zwidth.diagnosis.answer.prediction import predicts
 
@@ -299,7 +295,7 @@ class Diagnosis(Shown):
 
 
 @dataclass(frozen=True)
-class Unanswered:
+class Unanswered(Valued):
     """The result if an error prevents a diagnosis: faults of recordings, and errors."""
 
     sentence: str

@@ -1,4 +1,4 @@
-"""Chooses the final answer: with or without changes, by held-out data and what is unexplained."""
+"""Chooses the final answer, with or without changes, by held-out data and unexplained forces."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -48,10 +48,10 @@ from zwidth.sim.place import label_of, of_label
 class Stands:
     """The final answer, and the recordings as it reads them.
 
-    found: on all data that were searched; by: the same as held-out data may judge it, fitted to the
-    first part if `found` had to be searched in all data. sound: how it fares on held-out data;
-    left: what it leaves unexplained; other: physics of no library in its place. halted: whether a
-    person interrupted it.
+    found: fitted to all data that were searched; by: the same answer, but fitted to the first part
+    only if the search needed all data, so that held-out data may judge it. sound: its adequacy on
+    held-out data; left: unexplained forces; other: unknown physics in place of effects. halted:
+    whether a person interrupted the search.
     """
 
     found: Searched
@@ -70,8 +70,8 @@ def what_stands(
 ) -> Stands:
     """Return the final answer of a search; opens the held-out data.
 
-    If it does not explain them, effects over a longer horizon are tried too, and then all recorded
-    data are searched.
+    If the answer does not explain these, effects over a longer horizon are tried too, and then all
+    recorded data are searched.
     """
     before, changes, halted = taken, (), found.interrupted
     if not halted:
@@ -87,12 +87,15 @@ def what_stands(
         stood, found = found, found if found.far else farther(device, found, say)
         second = found.beside
         if found.final is not stood.final and second is not None:
-            found, second = second, found  # the one that stood, knowing the longer horizon
-        # Nothing is promised, so the better of two is said.
+            found, second = (
+                second,
+                found,
+            )  # the earlier answer, with `far` noted
+        # Neither answer explains everything, so the better one is reported.
         if second is not None and runs_freer(second, found, taken.judge_by):
             say(f"better on held-out data: {second.final.model.label}")
             again, how = standing(device, taken, second, say)
-            if again is second or not found.final.model.effects:  # and not refused itself
+            if again is second or not found.final.model.effects:  # second was not rejected itself
                 found, sound = again, how
                 left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
@@ -105,7 +108,7 @@ def what_stands(
                 sound = attempt("adequacy", "", partial(held_adequacy, device, by, taken))
             found, left = again, beyond
     if changes and not (changes := outlived(changes, found)):
-        taken = _knowing_losses(before, found)  # a part of it, where something changes
+        taken = _knowing_losses(before, found)  # `taken` was cut for the changes
     halted = halted or found.interrupted
     return Stands(found, by, taken, sound, left, other, changes, faults, halted)
 
@@ -113,7 +116,7 @@ def what_stands(
 def _unexplained(
     found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
 ) -> bool:
-    """Whether the named effects do not explain the recordings, or not as far as free runs go."""
+    """Whether the named effects leave something of the recordings or of free runs unexplained."""
     named = bool(found.final.model.effects)
     fails = sound is not None and not (sound.adequate if named else sound.sound)
     return other is not None or left.matters(named) or fails
@@ -122,10 +125,10 @@ def _unexplained(
 def standing(
     device: Device, taken: Taken, found: Searched, say: Say
 ) -> tuple[Searched, Adequacy | None]:
-    """The answer and its adequacy; the next likeliest if held-out data reject it.
+    """The answer and its adequacy; the next most likely answer if held-out data reject the first.
 
-    None if held-out data speak against that as well. The rejected answer costs less than the named
-    one, and stays beside it as the likelier rival, so such an answer is never `identified`.
+    If they reject every answer, one without effects. A rejected answer costs less than the named
+    one and stays its more likely rival, so the verdict is then never `identified`.
     """
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
@@ -146,7 +149,7 @@ def held_adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | N
 
 
 def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
-    """What the final model leaves, and what unknown physics may be in place of its effects."""
+    """Forces that the final model leaves, and unknown physics in place of its effects, or None."""
     with stage("what is left"):
         left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
     other: Instead | None = None
@@ -157,10 +160,10 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
 
 
 def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
-    """Test the final residual for forces that follow one state, and that repeat or drift.
+    """Test the final residual for forces that depend on one state, and that repeat or drift.
 
     Then all data, including the held-out part, are tested for forces of free shape under observers
-    that hide none. Nothing of this is kept in the answer; it only shows whether a stop, say, is
+    that hide none of them. The answer keeps nothing of this; it only shows whether, say, a stop is
     first reached in held-out data.
     """
     wide = inflation(found.final.white)
@@ -179,7 +182,7 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
         return Left(top.gained, located.sentence, beside=beside)
     try:
         free = unknown(acted, found.final)
-    except NoObserver:  # no observer follows what was held out
+    except NoObserver:  # no observer can follow the held-out data
         return Left(0.0, "")
     if free is not None and free.gained > VERDICT.unnamed * wide + 1.5 * free.unknowns:
         return Left(free.gained, free.sentence, True, beside)
@@ -187,8 +190,8 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
 
 
 def instead_of(found: Searched) -> Instead | None:
-    """Return unknown physics that explains more than one of the effects, or all of them."""
-    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
+    """Return unknown physics that explains more than one effect does, or all together; or None."""
+    if found.problem.observer.whitening is None:  # chosen by free runs
         return None
     final, effects = found.final, found.final.model.effects
     experiments = found.problem.experiments
@@ -210,14 +213,14 @@ def instead_of(found: Searched) -> Instead | None:
 def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
     """Say why the cheapest fit is not acceptable as an answer, "" if it is.
 
-    It ended at the limit of its allowed distance from the device file; or the force that held-out
-    motion needs, or a whole run of it, is predicted worse than without what was found.
+    It ended at the limit of its allowed distance from the device file; or it predicts the force
+    that held-out motion needs, or a whole held-out run, worse than the refit.
     """
     for p, x in zip(final.model.linear, final.x.tolist(), strict=False):
         # A mass, a spring or the gain at either end, a damper at its upper one.
         ends = ("lower", "upper") if p.kind in FACTORED else ("upper",) if p.kind in BENT else ()
         if p.at_end(x, ends, EDGE):
-            return f"the fit ends with {p.name} at the end of its allowed range"
+            return f"the fit ends with {p.name} at the limit of its allowed range"
     for what, every, most in (
         ("the force that the held-out motion needs", forces, VERDICT.worse_force),
         ("a free run over all held-out data", runs, VERDICT.worse_run),
@@ -225,7 +228,7 @@ def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceEr
         told = [(e.errors["after"], e.errors["refit"]) for e in every if e.held_out]
         if told and all(after > most * refit for after, refit in told):
             times = max(after / refit if refit else math.inf for after, refit in told)
-            return f"{what} has an error {times:.3g} times as large as without it"
+            return f"{what} has an error {times:.3g} times as large as without the found effects"
         if told:
             return ""
     return ""
@@ -234,10 +237,10 @@ def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceEr
 def named_only_whole(
     found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
 ) -> bool:
-    """Whether a search of all recorded data may name what the first part does not show.
+    """Whether a search of all recorded data may find effects that the first part does not show.
 
-    A force without a name is left in all of the data, or free runs on held-out data err more than
-    noise predicts while those on fitted data do not.
+    That is if an unexplained force is left only in the complete data, or if free runs err more than
+    noise predicts on held-out data but not on fitted data.
     """
     unnamed_force = left.whole and left.matters(bool(found.final.model.effects))
     fails_later = found.held and sound is not None and not sound.sound
@@ -247,14 +250,14 @@ def named_only_whole(
 def second_look(
     found: Searched, left: Left, acted: Sequence[Experiment], search: Searches, say: Say
 ) -> tuple[Searched, Left, Fault | None]:
-    """Search all recorded data, if a force shows there that has no name in the first part.
+    """Search all recorded data for effects that the first part does not show.
 
-    A command may meet its limit only in the last seconds. What is named then was named from the
-    data that were to judge it, and the note says so. The earlier answer is returned, without a
-    note, if nothing new was named, if something is still left, or if a name was lost. It is also
-    returned if the search was interrupted, which the note then says.
+    A command may reach its limit only in the last seconds. An effect named then has no data left
+    that judge it, and the returned fault states this. The earlier answer is returned, without a
+    fault, if no new effect was named, a force is still left, an effect was lost, or the search was
+    interrupted.
     """
-    say("the held-out data show physics that was not found: searching the whole recording")
+    say("held-out data show physics that the search missed: searching the whole recording")
     try:
         again = search(acted)
         halted = again.interrupted
@@ -280,18 +283,18 @@ def second_look(
     names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (
         f"{names} could be found only by fitting the held-out data too, so no data are left to"
-        " judge it; give a second recording with --validate"
+        " judge the answer; give a second recording with --validate"
     )
     return again, beyond, Fault("held_out_used", sentence, False, float(len(new)))
 
 
 def _containing(label: str, rotary: bool) -> Iterator[str]:
-    """The effects that contain one, where it is."""
+    """The effects at the same place that contain this one."""
     return (label_of(effect.name, place) for effect, place in richer_at(*of_label(label), rotary))
 
 
 def on_first_part(found: Searched) -> Searched:
-    """The same models fitted to the first part, as far as that determines them."""
+    """The same models fitted to the first part of the recordings."""
     parts = [e.split()[0] for e in found.problem.experiments]
     there = Problem(parts, found.problem.observer, FINAL)
     refit, final = (fit(there, f.model, f.x) for f in (found.refit, found.final))
@@ -299,16 +302,16 @@ def on_first_part(found: Searched) -> Searched:
 
 
 def _knowing_losses(taken: Taken, found: Searched) -> Taken:
-    """Recordings with the lost commands of those that judge, if the answer has such."""
+    """The same, with lost commands of the held-out recordings if the answer has such an effect."""
     lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
     return taken if lost is None else replace(taken, judge_by=tuple(lost))
 
 
 def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings with their lost commands, if the answer has such.
+    """Return recordings with their lost commands, if the answer has such an effect.
 
-    Which commands were lost is chance: no model predicts it, and no free run is judged by it. Each
-    must stand out by itself, by log odds of 3 beyond the rate; no parameter is changed.
+    Which commands were lost is chance, which no model predicts and no free run should be judged by.
+    Each must stand out by itself, by log odds of 3 beyond the rate; no parameter is changed.
     """
     final, observer = found.final, found.judge
     if not final.model.has("dropped_samples"):

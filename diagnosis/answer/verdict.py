@@ -1,7 +1,7 @@
 """The verdict: a pure function of all results, called once they are complete.
 
-`reason` says why the verdict is what it is: the first of its list that holds. Each reason has one
-verdict (its value). `answer.words` puts both into words.
+`reason` returns the first reason of its list that holds, and each reason has one verdict.
+`answer.words` puts both into words.
 """
 
 from collections.abc import Sequence
@@ -22,23 +22,26 @@ if TYPE_CHECKING:
 
 
 class Reason(Enum):
-    """Why a verdict is what it is; the first that holds decides."""
+    """Reasons for a verdict; the first that holds decides."""
 
     LOST = "an internal error prevented a result that the verdict needs"
-    ONE_LAW = "one learned law explains it better than several named effects"
+    ONE_LAW = "one learned law explains the recording better than several named effects"
     OTHER = "unknown physics explains more than a named effect"
     LEFT = "a force without a name remains"
     INADEQUATE = "errors of free runs on held-out data exceed the noise, or are as large as before"
-    BAD = "the fit ended at a value that is not allowed"
+    BAD = (
+        "the fit ended at the limit of an allowed range, or predicts worse than without the found"
+        " effects"
+    )
     MORE = "a learned law is needed beside the named effects"
     ONE_REGIME = "a named effect holds in one regime only"
     DISTURBED = "random forces must explain too much beside the named effects"
     UNJUDGED = "there are no held-out data to judge the named effects"
     ONE_LEVEL = "a command of one level does not distinguish the named effects from others"
-    RIVALS = "other effects explain it as well"
+    RIVALS = "other effects explain the recording equally well"
     IMPROBABLE = "a named effect is not probable enough"
     NAMED = "the named effects are confirmed"
-    LAW = "only a learned law explains it"
+    LAW = "only a learned law explains the recording"
     STRAY = "no effect is named, and errors of free runs are larger than noise predicts"
     LINEAR = "only linear parameters differ"
     NOTHING = "nothing is missing"
@@ -65,10 +68,10 @@ NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.NAMED)  # unless a law i
 
 @dataclass(frozen=True)
 class Left:
-    """What the final model leaves: the chi-square that an unknown force would gain, 0 for chance.
+    """The unexplained rest: the chi-square that an unknown force would gain, 0 for chance.
 
-    whole: in all recorded data, and not in the fitted part. beside: chi-square that may remain
-    beside the named effects.
+    whole: whether it shows only in the complete recordings, not in the fitted part. beside:
+    chi-square that may remain beside the named effects.
     """
 
     gained: float
@@ -77,7 +80,7 @@ class Left:
     beside: float = 0.0
 
     def matters(self, named: bool) -> bool:
-        """Whether too much is left to name effects, or there are none."""
+        """Whether too much is left beside named effects or, without these, anything at all."""
         return self.gained > (self.beside if named else 0.0)
 
 
@@ -85,11 +88,11 @@ class Left:
 class Facts:
     """Everything that a verdict depends on.
 
-    refit: name -> (device file's, refitted) linear parameter; left: what no effect of the library
-    explains beside what was found, other: the same in its place; sound, free: results on held-out
-    data; bad: why the fit is no answer, "" for nothing; level: another level to record; law: one
-    without a name, instead: whether it explains better what named effects do; lost: what an error
-    removed, "" for nothing; masses: of the device's chain.
+    refit: name -> (device file's, refitted) linear parameter; left: forces that remain beside the
+    findings, other: unknown physics in their place; sound, free: results on held-out data; bad: why
+    the fit is not acceptable, "" if it is; level: another level to record; law: a learned law,
+    instead: whether it explains more than the named effects; lost: results that an error prevented,
+    "" for none; masses: number in the device's chain.
     """
 
     findings: Sequence[Finding]
@@ -120,7 +123,7 @@ class Facts:
 
     @property
     def moved(self) -> list[str]:
-        """The linear parameters that differ from the device file's; not those of the readings."""
+        """The linear parameters that differ from the device file, without those of readings."""
         far = VERDICT.shifted / Z95 * 0.5
         return [
             name
@@ -139,7 +142,7 @@ class Facts:
 
     @property
     def undecided_by_level(self) -> bool:
-        """Whether another hypothesis is as good at the command's only level, and not at others."""
+        """Whether another hypothesis is as good at the command's only level, but not at others."""
         error = self.free.after
         if self.level is None or not self.level.now < error < self.level.differs:
             return False
@@ -147,7 +150,7 @@ class Facts:
 
 
 def reason(f: Facts) -> Reason:
-    """Return why the verdict is what it is."""
+    """Return the reason for the verdict."""
     named = bool(f.findings)
     if f.lost:
         return Reason.LOST
@@ -167,10 +170,10 @@ def reason(f: Facts) -> Reason:
 
 
 def _of_names(f: Facts) -> Reason:
-    """Whether the effects may be named, if nothing else is left."""
+    """The reason if effects are named and nothing else is left."""
     if f.bad:
         return Reason.BAD
-    if f.law is not None and not f.law.turns:  # which is a ripple's own shape
+    if f.law is not None and not f.law.turns:  # a law that turns is the shape of a ripple
         return Reason.MORE
     if any(h.fails for one in f.findings for h in one.regimes):
         return Reason.ONE_REGIME

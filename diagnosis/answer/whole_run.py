@@ -1,6 +1,6 @@
 """Errors of free runs over whole recordings, per output: in its unit and relative to the motion.
 
-The model starts where the recording does and is never corrected. Where the fit reads a recording in
+The model starts where the recording does and is never corrected. If the fit reads a recording in
 another form, the run is converted back: a position that was counted from a velocity is differenced
 and filtered again, v_k = a v_(k-1) + (1 - a) (q_k - q_(k-1)) / T, and an unfolded sensor is folded
 again.
@@ -21,6 +21,7 @@ from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import Observer, memory_at, prepared
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.predict import alone
 
@@ -28,13 +29,13 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class WholeRun:
+class WholeRun(Valued):
     """Errors of free runs over a recording, rms in the unit of an output.
 
-    measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
-    device file, "refit", "after", with what was found, and "law", with a learned law, if there is
-    one. held_out: whether nothing was fitted to it. bridged (ticks,): where nothing was measured,
-    and no error counts.
+    measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,): "before" (the
+    device file), "refit", "after" (the answer), and "law" (with a learned law, if any). held_out:
+    whether nothing was fitted to the recording. bridged (ticks,): ticks without a measurement,
+    whose errors do not count. folded: whether the output is an absolute value.
     """
 
     recording: str
@@ -46,6 +47,7 @@ class WholeRun:
     simulated: Mapping[str, Floats]
     held_out: bool
     bridged: NDArray[np.bool_] | None = None
+    folded: bool = False
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -95,13 +97,13 @@ def whole_runs(
     judge_by: Sequence[Experiment],
     law: Searched | None = None,
 ) -> tuple[WholeRun, ...]:
-    """Return the whole runs of fitted recordings, and of what was held out.
+    """Return the whole runs of fitted and held-out recordings.
 
-    Also of the rest of each recording, from where its first part ends. law: what was found with a
+    The held-out rest of a recording runs from the end of its first part. law: the fit with a
     learned law, None if none was learned.
     """
     models = {name: (*own, found.judge) for name, own in models_of(device, found).items()}
-    if law is not None:  # under whose noise it was learned: that of the names may not follow it
+    if law is not None:  # with its own observer, since another may not be able to follow it
         models["law"] = law.final.model, law.final.x, law.judge
     length = "rad" if device.rotary else "m"
     runs: list[WholeRun] = []
@@ -116,7 +118,8 @@ def whole_runs(
             name = f"{quantity}_{output.at}"
             said = {word: found[:, o] for word, found in each.items()}
             about = e.name, name, unit, e.begins, e.period
-            runs.append(WholeRun(*about, measured[:, o], said, held, e.bridged))
+            folded = o == 0 and e.folded
+            runs.append(WholeRun(*about, measured[:, o], said, held, e.bridged, folded))
     return tuple(runs)
 
 
@@ -125,7 +128,7 @@ def simulated(
 ) -> Floats:
     """Outputs (ticks, o), as recorded, of a free run without any correction.
 
-    measured: whether the recording gives the best initial state; otherwise the first samples do.
+    measured: whether the initial state fits the recording best; else the first samples give it.
     """
     return recorded(e, free_run(model, x, e, observer, measured))
 
@@ -133,7 +136,7 @@ def simulated(
 def free_run(
     model: Model, x: Floats, e: Experiment, observer: Observer, measured: bool = True
 ) -> Floats:
-    """Outputs (ticks, o) of the same, as the recording was taken (`recorded`)."""
+    """The same outputs (ticks, o), in the form in which the fit reads the recording."""
     device = model.acting(x)
     seen = model.seen(e, x)
     seen = begun(device, seen, observer) if measured else seen
@@ -141,7 +144,7 @@ def free_run(
     with np.errstate(all="ignore"):  # infinite after an overflow
         blind = np.zeros((eq.states, seen.measured.shape[1]))
         wrong = np.zeros(0)
-        for own in (seen, replace(seen, before=None)):  # no observer may follow it: first samples
+        for own in (seen, replace(seen, before=None)):  # if no observer follows: from first samples
             memory, _ = memory_at(ready, own, device, observer.gain)
             wrong = alone(
                 eq, fine, own.places(eq), own.command, own.measured, blind,
@@ -149,7 +152,7 @@ def free_run(
             )  # fmt: skip
             if np.all(np.isfinite(wrong[0])):
                 break
-        # What a model reads otherwise (an origin) is in both, and goes.
+        # A different reading of the model (an origin) is in both and cancels.
         return e.measured - wrong
 
 

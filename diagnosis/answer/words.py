@@ -1,7 +1,7 @@
 """All sentences of an answer; terminal, report and JSON take them from here.
 
 The headline says what is missing, how much, and where, as an engineer would: "Coulomb friction of
-20.1 mN m (19.7 to 20.5) at the motor is missing". `why` says what the verdict rests on.
+20.1 mN m (19.7 to 20.5) at the motor is missing". `why` gives the reason for the verdict.
 """
 
 import math
@@ -21,12 +21,12 @@ from zwidth.sim.place import Place, place_at
 from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
 
-LISTED = 3  # effects, rivals or parameters in a sentence; of more it says how many
+LISTED = 3  # effects, rivals or parameters in a sentence; further ones are counted
 UNNAMED = "something is missing that has no name in the library"
 
 
 def place_in_words(at: Place, masses: int) -> str:
-    """Return where something is, in the terms of the machine: "at the motor", "in the command"."""
+    """Return a place in the terms of the machine: "at the motor", "in the command"."""
     match at.kind:
         case "mass":
             return f"at {mass_in_words(at.index, masses)}"
@@ -44,7 +44,7 @@ def place_in_words(at: Place, masses: int) -> str:
 
 
 def mass_in_words(index: int, masses: int) -> str:
-    """Return a mass: the command acts on the first, which is the motor's; the last is the load."""
+    """Return a mass in words: the first, on which the command acts, is the motor."""
     if index == 0:
         return "the motor" if masses == 1 else "the motor (m1)"
     return f"the load (m{index + 1})" if index == masses - 1 else f"the mass m{index + 1}"
@@ -81,16 +81,18 @@ SAYINGS = {
     "coulomb_friction": "Coulomb friction of {level}",
     "stribeck_friction": "friction of {level}, {static_level} at rest (Stribeck),",
     "rising_friction": "friction that rises from {static_level} at rest to {level} in sliding",
-    "presliding_friction": "friction of {level} that yields by {stiffness} before it slides",
+    "presliding_friction": (
+        "friction of {level} that yields with a stiffness of {stiffness} before it slides"
+    ),
     "directional_friction": "friction of {level_plus} forwards and {level_minus} backwards",
     "load_friction": "friction of {ratio} times the load",
     "quadratic_drag": "quadratic drag of {coefficient}",
     "constant_force": "a constant {level:force} of {level}",
-    "ground_spring": "a spring to the ground of {stiffness}",
+    "ground_spring": "a spring of {stiffness} to the ground",
     "gravity_pendulum": "the gravity of a pendulum, {level},",
     "force_ripple": "a ripple of {amplitude} every {period:alone}",
     "backlash": "play of {gap}",
-    "cubic_stiffness": "a spring's cubic part of {coefficient}",
+    "cubic_stiffness": "a cubic part of {coefficient} in the spring",
     "hysteresis": "hysteresis of {level}",
     "extra_mode": "a resonance at {hertz:.3g} Hz (a mass of {mass} on a spring)",
     "servo_limit": "a limit of {limit} in the servo",
@@ -98,13 +100,13 @@ SAYINGS = {
     "servo_integral": "integral action of {rate} in the servo",
     "goal_rate_limit": "a servo goal that moves at {rate} at most",
     "falling_limit": "a limit of {limit} that falls with speed",
-    "open_winding": "a winding that is open while off ({damping} less damping)",
+    "open_winding": "a winding that opens while the drive is off ({damping} less damping)",
     "rate_limit": "a command that changes by {rate} at most",
     "saturation": "a limit of {limit}",
     "dead_band": "a dead band of {width}",
     "command_step": "a step of {step}",
     "actuator_lag": "a lag of {time_constant}",
-    "gain_asymmetry": "a gain that differs by direction ({ratio})",
+    "gain_asymmetry": "a gain that differs by direction (ratio {ratio})",
     "loop_delay": "a delay of {delay}",
     "dropped_samples": "a loss of {rate:percent} of the commands",
     "encoder_step": "an encoder step of {step}",
@@ -112,9 +114,9 @@ SAYINGS = {
     "rectified_sensor": "a sensor that reads the absolute value",
     "sensor_lag": "a lag of {time_constant}",
     "sensor_filter": "a second-order filter of {time_constant} ({time_constant:hertz})",
-    "moving_average": "a mean over {window}",
+    "moving_average": "a moving average over {window}",
 }
-# Effects whose saying has their place in it.
+# Effects whose phrase includes their place.
 PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit", "open_winding",
           "servo_dead_zone", "servo_integral", "goal_rate_limit", "dropped_samples")  # fmt: skip
 
@@ -146,7 +148,7 @@ def in_words(f: Finding, masses: int) -> str:
         values["hertz"] = 0.0 if still else math.sqrt(stiffness / mass) / (2.0 * math.pi)
     try:
         what = SAYINGS[f.effect].format_map(values)
-    except KeyError:  # an effect without a saying, or of which an error cost a value
+    except KeyError:  # an effect without a phrase, or that lost a value to an error
         value = f.parameters.get(EFFECTS[f.effect].strength or "")
         what = effect_in_words(f.effect) + ("" if value is None else f" of {said(value)}")
     if f.effect in PLACED or (f.effect == "ground_spring" and masses == 1):
@@ -155,7 +157,7 @@ def in_words(f: Finding, masses: int) -> str:
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words as a list; of more than `LISTED` the others are counted."""
+    """Return words as a list; those beyond `LISTED` are only counted."""
     more = len(words) - LISTED
     words = [*words[:LISTED], f"{more} more"] if more > 0 else list(words)
     return f" {last} ".join([*filter(None, [", ".join(words[:-1])]), *words[-1:]])
@@ -172,14 +174,20 @@ def worth_in_words(f: Finding) -> str:
     if w is None:
         return ""
     if not w.pays:
-        return "without it the error of free runs on held-out data grows by no more than chance"
+        return (
+            "without this effect, the error of free runs on held-out data grows by no more than"
+            " chance"
+        )
     often = f"{w.times:.3g}" if w.times < 1000.0 else "over 1000"
     much = f"{often} times as large" if w.times >= 1.1 else f"{percent(w.times - 1.0)} larger"
-    return f"without it the error of free runs over {w.horizon:.3g} s on held-out data is {much}"
+    return (
+        f"without this effect, the error of free runs over {w.horizon:.3g} s on held-out data is"
+        f" {much}"
+    )
 
 
 def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
-    """Return what was detected but is negligible as a sentence, "" for nothing."""
+    """Return a sentence on detected but negligible effects, "" for none."""
     if not findings:
         return ""
     return f"detected, but too small to matter: {all_in_words(findings, masses)}"
@@ -213,7 +221,7 @@ def _headline(f: Facts, because: Reason) -> str:
             odds = f"{100.0 * (f.doubtful.with_richer or 0.0):.0f} %"
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.LOST:
-            return f"undecided: an error prevented {f.lost}"
+            return f"undecided: an internal error prevented {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
             return (
                 f"undecided: {names} would explain what a command of a single level shows, but so"
@@ -234,7 +242,7 @@ def _headline(f: Facts, because: Reason) -> str:
 
 
 def _rivals(f: Facts, names: str) -> str:
-    """The first effect, and those that this recording cannot distinguish from it."""
+    """Name the first confusable effect and the effects that may be in its place."""
     confused = next(one for one in f.findings if one.confusable_with)
     others = listed([_at(r.effect, r.at, f.masses) for r in confused.confusable_with], "or")
     if len(f.findings) == 1:
@@ -246,41 +254,43 @@ def _rivals(f: Facts, names: str) -> str:
 
 
 def _unknown(f: Facts, because: Reason) -> str:
-    """How much the named effects explain, and what is known about the rest."""
+    """Say how much the named effects explain, and describe the rest."""
     detailed = because is Reason.MORE and f.law is not None and bool(f.law.curve.replaced)
     gone = () if f.law is None or detailed else f.law.curve.replaced
     named = [one for one in f.findings if f"{one.effect} at {one.at}" not in gone]
     names = all_in_words(named, f.masses)
     is_ = "is" if len(named) == 1 else "are"
     if detailed and f.law is not None:
-        return f"{names} {is_} missing; a learned curve describes this better, {f.law.extent}"
+        return f"{names} {is_} missing; a learned curve describes this better: {f.law.extent}"
     if f.law is not None:
         return (f"{names} {is_} missing, and " if names else "") + f.law.headline(f.masses)
     if f.other is not None:
         at, how = place_in_words(place_at(f.other.place), f.masses), f.other.follows.rstrip(",")
-        how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
-        return f"{UNNAMED}: a force {at} that {how}, and is not {f.other.name.replace('_', ' ')}"
+        how = how if how.startswith(("repeats", "depends on")) else f"depends on {how}"
+        return f"{UNNAMED}: a force {at} that {how}, instead of {f.other.name.replace('_', ' ')}"
     if not named:
         rest = f": {f.left.sentence}" if f.left.gained > 0.0 and f.left.sentence else ""
         return f"{UNNAMED}{rest}"
     if because is Reason.BAD:
         return f"{UNNAMED}; the best explanation ({names}) is not acceptable: {f.bad}"
     share = None if f.sound is None else f.sound.explained
-    if share is not None and share < 0.5:  # the names are not the answer then
+    if share is not None and share < 0.5:  # the named effects are not the answer then
         near = listed([effect_in_words(one.effect) for one in named])
         return (
             f"{UNNAMED}; the nearest effects ({near}) explain {100.0 * max(0.0, share):.0f} % of"
             " the error"
         )
-    rest = "" if share is None or share >= 1.0 else f"; these effects explain {most(share)} of the"
+    rest = (
+        "" if share is None or share >= 1.0 else f"; the named effects explain {most(share)} of the"
+    )
     return (
-        f"{names} {is_} missing, and something else that has no name in the library{rest}"
+        f"{names} {is_} missing, and so is something that has no name in the library{rest}"
         f"{' error' if rest else ''}"
     )
 
 
 def _linear(f: Facts) -> str:
-    """The parameters that differ, the largest difference first."""
+    """Say which parameters differ, the largest difference first."""
     moved = [
         (abs(math.log(e.value / nominal)), name, nominal, e)
         for name, (nominal, e) in f.refit.items()
@@ -308,15 +318,15 @@ def parameter_in_words(name: str, unit: str) -> str:
     if name == "gain":
         return "the scale of the command"
     if name == "skew":
-        return "delay of the readings"
-    name, where_, word = name.partition(" in ")  # a value of some recordings' own
+        return "the delay of the readings"
+    name, where_, word = name.partition(" in ")  # a value that some recordings have as their own
     kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
     called = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
     return f"{called}{where_}{word}"
 
 
 def _fault(fault: Fault) -> str:
-    """What is wrong with a recording; the report says what to do about it."""
+    """Say what is wrong with a recording; the report adds what to do."""
     if not fault.channels:
         return fault.sentence
     command = fault.channels == COMMAND
@@ -326,8 +336,8 @@ def _fault(fault: Fault) -> str:
     if math.isclose(size, 1.0):
         return f"the sign of {what}{of} is wrong"
     asked = f" ({unit}?)" if (unit := asked_unit(fault.value, command)) else ""
-    less = f"{plain(max(size, 1.0 / size), 3)} times too {'little' if size > 1.0 else 'much'}"
-    return f"{what}{of} count{'' if len(fault.channels) > 1 else 's'} {less}{asked}"
+    less = f"{plain(max(size, 1.0 / size), 3)} times too {'small' if size > 1.0 else 'large'}"
+    return f"{what}{of} {'are' if len(fault.channels) > 1 else 'is'} {less}{asked}"
 
 
 def why(f: Facts) -> str:
@@ -337,9 +347,12 @@ def why(f: Facts) -> str:
     error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
     match because:
         case Reason.LOST:
-            told = f"an error prevented {f.lost}"
+            told = f"an internal error prevented {f.lost}"
         case Reason.ONE_LAW if f.law is not None:
-            told = f"one law over {f.law.over} explains it better than {_replaced(f)} together"
+            told = (
+                f"one law that depends on {f.law.over} explains the recording better than"
+                f" {_replaced(f)} together"
+            )
         case Reason.OTHER if f.other is not None:
             told = f.other.sentence
         case Reason.LEFT:
@@ -355,8 +368,8 @@ def why(f: Facts) -> str:
             told = _one_regime(f)
         case Reason.DISTURBED:
             told = (
-                f"{error}, which only random disturbances explain ({percent(free.refit)} without"
-                " these effects)"
+                f"{error} ({percent(free.refit)} without the named effects), which only random"
+                " disturbances would explain"
             )
         case Reason.UNJUDGED:
             told = (
@@ -365,11 +378,11 @@ def why(f: Facts) -> str:
             )
         case Reason.ONE_LEVEL:
             told = (
-                f"the command has a single level, and {error}: too large to tell the nearest rival"
-                " from what was found"
+                f"the command has a single level, and {error}: too large to tell the found effects"
+                " from their nearest rival"
             )
         case Reason.RIVALS:
-            told = f"other explanations are within {VERDICT.apart:g} sigma"
+            told = f"other explanations come within {VERDICT.apart:g} sigma"
         case Reason.IMPROBABLE if doubtful is not None:
             told = (
                 f"the probability of {doubtful.effect} at {doubtful.at} is"
@@ -377,12 +390,13 @@ def why(f: Facts) -> str:
             )
         case Reason.STRAY:
             told = (
-                f"{error}, where measurement noise alone would cause {percent(free.noise_floor)}:"
-                " disturbances, or physics that this recording is too short or too coarse to show;"
+                f"{error}, but measurement noise alone would cause {percent(free.noise_floor)}: the"
+                " rest is due to disturbances, or to physics that this recording is too short or"
+                " too coarse to show;"
                 " record for longer, at a higher level, or with a finer sensor"
             )
         case Reason.LINEAR:
-            told = f"{', '.join(f.moved)} differ from the device file by over" + (
+            told = f"{', '.join(f.moved)} differ from the device file by more than" + (
                 f" {VERDICT.shifted:g} sigma")  # fmt: skip
         case Reason.NAMED:
             told = "no other explanation comes near, and held-out data agree"
@@ -399,7 +413,7 @@ def _replaced(f: Facts) -> str:
 
 
 def _one_regime(f: Facts) -> str:
-    """Where a named effect does not hold, if it holds in one regime only, and what to record."""
+    """Say in which regime a named effect fails, and what to record."""
     odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
     return (
         f"{odd.effect} at {odd.at}, fitted to the motion {at.other}, makes the prediction of the"
@@ -408,16 +422,19 @@ def _one_regime(f: Facts) -> str:
 
 
 def _inadequate(sound: Adequacy) -> str:
-    """How well an answer predicts that held-out data do not confirm."""
+    """Say why held-out data do not confirm an answer."""
     if sound.sound:
-        return "the named effects predict held-out data no better than the refitted device does"
+        return (
+            "the named effects predict held-out data no better than the refitted device without"
+            " them"
+        )
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     if worst.error >= OVERFLOW:
         return "free runs with the answer diverge"
     if worst.error > worst.most:
         return (
             f"the error of free runs over {worst.horizon:.3g} s on held-out data is"
-            f" {worst.error / worst.expected:.3g} times what its own noise would cause"
+            f" {worst.error / worst.expected:.3g} times what the noise of this model would cause"
         )
     led = max(sound.ahead, key=lambda a: a.led - a.most_led)
     return (
@@ -428,16 +445,18 @@ def _inadequate(sound: Adequacy) -> str:
 
 
 def where(located: Located, masses: int) -> str:
-    """Say where the refitted device and the recording differ, before anything has a name.
+    """Say where the refitted device and the recording differ, before any effect is named.
 
-    If several places and states have forces that explain about as much as the best one, all are
-    named, since such small differences do not show on which of them the force depends.
+    If forces at several places or over several states explain about as much as the best, all are
+    listed, since so small a difference does not decide between them.
     """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:
         return located.sentence
     if not stands_out(top):
-        return "no force that follows position, velocity, command or time stands out from the noise"
+        return (
+            "no force that depends on position, velocity, command or time stands out from the noise"
+        )
     near = [m for m in located.maps if m.gained >= VERDICT.as_much * top.gained]
     near.sort(key=lambda m: -m.gained)
     at = listed(
@@ -446,13 +465,13 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}the recording does not decide what the missing force depends"
-            f" on: forces {at} over {listed(states, 'or')} describe it about equally well"
+            f"{densest(located.state)}before effects are added, the missing force {at} can be"
+            f" described about equally well by {listed(states, 'or')}"
         )
-    like = "changes with time" if top.against == "time" else f"follows the {top.against}"
+    like = "changes with time" if top.against == "time" else f"depends on {top.against}"
     return (
-        f"{densest(located.state)}a force {at} that {like}{sign_of(top)} best describes what is"
-        " missing"
+        f"{densest(located.state)}before effects are added, a force {at} that {like}{sign_of(top)}"
+        " best describes what is missing"
     )
 
 
@@ -461,15 +480,15 @@ def cautions(findings: Sequence[Finding], free: HeldOut, whole: Sequence[WholeRu
 
     free, whole: free runs over windows of held-out data, and over whole recordings.
     """
-    by = "what was found" if findings else "the refitted parameters"
+    by = "the found effects" if findings else "the refitted parameters"
     if free.after > VERDICT.worse_file * free.before:
         return [
-            f"with {by} free runs on held-out data have an error of {of_the_motion(free.after)},"
+            f"with {by}, free runs on held-out data have an error of {of_the_motion(free.after)},"
             f" more than with the device file as it is ({percent(free.before)}): do not simulate"
             " with the augmented device"
         ]
     return [
-        f"over the whole run the error of the {run.output.replace('_', ' of ')} in {run.recording}"
+        f"over the whole run, the error of the {run.output.replace('_', ' of ')} in {run.recording}"
         f" is {'without bound' if math.isinf(after) else with_unit(after, run.unit, 3)} with {by},"
         f" more than with the device file as it is ({with_unit(before, run.unit, 3)})"
         for run in whole

@@ -1,4 +1,4 @@
-"""Local descent: gradients and step lengths are evaluated side by side, each as a population.
+"""Local descent; gradients and step lengths are evaluated side by side as populations.
 
 The step of Gauss and Newton with the damping of Levenberg and Marquardt: with the weighted
 innovations r and their slopes J,
@@ -7,10 +7,10 @@ innovations r and their slopes J,
 
 for several m at once, since one more lane costs little; the fit continues from the x of least cost.
 Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
-is crossed, a limit that is met) the cost shows no slope over less than about a hundredth of what
-the recording can distinguish, and is smooth over more.
+is crossed, a limit that is reached) the cost has no useful slope over widths below about a
+hundredth of the resolution of the recording, and is smooth over more.
 
-Limits: like every descent it ends in the valley in which it began. The cost is that of `Landscape`.
+Limits: like every descent it ends in the valley in which it began. `Landscape` defines the cost.
 """
 
 from dataclasses import dataclass
@@ -25,18 +25,18 @@ from zwidth.diagnosis.model.parameters import Model, is_read
 
 Floats = NDArray[np.float64]
 DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)  # of the diagonal: from Newton's step to a nudge
-SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x, of which one is a file's uncertainty
-SHARE = 0.5  # of a parameter's own standard error: narrower where it is known better
+SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x; 1 is a device file's uncertainty
+SHARE = 0.5  # of a parameter's own standard error: narrower if it is known better
 NARROWEST = 1e-5
-ENOUGH = 0.1  # of the cost, that is worth another round
-FARTHEST = 5.0  # in x, that one step goes at most
+ENOUGH = 0.1  # least gain in cost that justifies another round
+FARTHEST = 5.0  # in x: the longest step
 
 
 @dataclass(frozen=True)
 class Descended:
     """The end of a descent: x, its cost, and how many rounds it made.
 
-    slopes: of the last round, if its step gained too little for another round: they hold at x then.
+    slopes: of the last round, if its step gained little, so that they hold at x.
     """
 
     x: Floats
@@ -47,10 +47,7 @@ class Descended:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Slopes (samples + priors, x) of the residual at x, and the other values computed for them.
-
-    beside: the x at which the differences were taken; costs: at these.
-    """
+    """Residual and slopes (samples + priors, x) at x; the x of the differences, and costs there."""
 
     residual: Floats
     slopes: Floats
@@ -59,9 +56,9 @@ class Slopes:
 
 
 def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slopes:
-    """Return residual and slopes at x, in one call for all.
+    """Return residual and slopes at x, from one call of the kernel.
 
-    both: differences to both sides, for models with creases. Parameters that no output depends on
+    both: two-sided differences, for models with creases. Parameters without influence on outputs
     are not simulated.
     """
     parameters = ground.model.parameters
@@ -95,8 +92,8 @@ def descend(
 ) -> Descended:
     """Minimise from x; creased: whether the model has nonsmooth effects (`Effect.creased`).
 
-    first: whether one-sided slopes suffice, as when another descent follows. On four recordings of
-    the account this lost no effect, and saved 10 to 13 % of their simulations.
+    first: whether one-sided slopes suffice, as before another descent. On four recordings this lost
+    no effect, and saved 10 to 13 % of the simulations.
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
@@ -150,12 +147,12 @@ def ground_of(problem: Problem, model: Model) -> Landscape:
 
 
 def descended(problem: Problem, model: Model, x: Floats, rounds: int) -> Descended:
-    """Return where a fit of a model ends, and its cost; slopes are one-sided."""
+    """Return the end of a fit of a model, with one-sided slopes."""
     return descend(ground_of(problem, model), x, rounds, creased(model), first=True)
 
 
 def fitted_at(problem: Problem, model: Model, x: Floats) -> Fitted:
-    """Return a model as it stands at x, with its slopes there."""
+    """Return a model at x as a fit, with its slopes there."""
     ground = ground_of(problem, model)
     at = slopes_where_it_stands(ground, x)
     return _fitted(ground, x, at.residual, at.slopes)
@@ -172,10 +169,7 @@ def creased(model: Model) -> bool:
 
 
 def slopes_where_it_stands(ground: Landscape, x: Floats) -> Slopes:
-    """Return residual and slopes of a finished fit.
-
-    With creases they are differences over half a standard error to both sides.
-    """
+    """Return residual and slopes of a finished fit, two-sided over half a deviation at creases."""
     widths = np.full(x.size, CREASED if (bent := creased(ground.model)) else SMOOTH)
     found = slopes_at(ground, x, widths, bent)
     if not bent:
@@ -185,7 +179,7 @@ def slopes_where_it_stands(ground: Landscape, x: Floats) -> Slopes:
 
 
 def _widths(slopes: Floats, residual: Floats) -> Floats:
-    """Widths by the uncertainty of each parameter alone."""
+    """Widths of differences, from the uncertainty of each parameter alone."""
     size = float(residual @ residual) / residual.size
     own = np.sqrt(size / np.maximum(np.sum(slopes**2, axis=0), 1e-200))
     return np.clip(SHARE * own, 1e-3, CREASED)

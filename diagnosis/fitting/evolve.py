@@ -1,22 +1,23 @@
 """Evolutionary search for distant starting points: generations of models, no gradients.
 
-A model that sticks, rattles or saturates has a cost with creases. Differences of 1e-4 point in no
-useful direction, and a refit without the physics has moved the linear parameters so far that no
-path downhill leads back. A population whose covariance adapts to the valley gets there (CMA-ES:
+A model that sticks, rattles or saturates has a cost with creases, where differences of 1e-4 point
+in no useful direction, and a refit without the physics has moved the linear parameters so far that
+no path downhill leads back. A population whose covariance adapts to the valley gets there (CMA-ES:
 Hansen & Ostermeier, Evolutionary Computation 9(2), 2001); every generation is one call of the
 lanes.
 
-How far ahead the cost looks decides what it can see. Under an observer faster than the right one,
-the physics passes for a disturbance, and the truth may cost more than a model without it. Under a
-far slower one, motion that rattles diverges. Near the right one the valley is wide, but only the
-truth would tell which one that is. So each ratio of a ladder has a population of its own, on a
-stretch of the recordings, and the results are judged under the noise that is likeliest for each.
+The observer decides which physics the cost can show. With one faster than the right one, physics
+counts as disturbance, and the truth may cost more than a model without it. With a far slower one,
+motion that rattles diverges. With the right one the valley is wide, but which one this is depends
+on the truth. So each ratio of a ladder has its own population, on a stretch of the recordings, and
+each result is judged with its own most likely noise.
 
 Example: two masses with play of 0.01 rad and friction (500 Hz, 7000 ticks; the refit's valley has a
-gap of 0.0080 and a spring of 30 instead of 40 N m/rad). 32 members that start there and at the
-device file, with 120 generations on 3000 ticks under the right ratio, arrive at gaps of 0.01003 and
-0.01001 and springs of 39.8 and 40.9. Under ten times that ratio, or a tenth, they arrive at 0.0087
-and 0.0080. A population that goes through all of these ratios in turn leaves the valley again.
+gap of 0.0080 and a spring of 30 instead of 40 N m/rad). Populations of 32 members that start there
+and at the device file, with 120 generations on 3000 ticks and the right ratio, arrive at gaps of
+0.01003 and 0.01001 and springs of 39.8 and 40.9. With ten times that ratio, or a tenth, they arrive
+at 0.0087 and 0.0080. A population that goes through all of these ratios in turn leaves the valley
+again.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,8 +42,8 @@ RUNAWAY = 1e12  # cost of a member that runs away: worse than any that does not
 class Generations:
     """How long a population runs.
 
-    members per generation (from each start), generations; spread: standard deviation of the first
-    generation, in x, where one is the device file's own uncertainty.
+    members: per generation, from each start; spread: standard deviation of the first generation in
+    x, of which 1 is the device file's own uncertainty.
     """
 
     members: int = 32
@@ -53,7 +54,7 @@ class Generations:
 
 @dataclass(frozen=True)
 class Arrived:
-    """The end of a population: x, its cost with its observer, and how many predictions it took."""
+    """The end of a population: x, its cost with its observer, and the number of predictions."""
 
     x: Floats
     cost: float
@@ -67,10 +68,9 @@ def evolve(
     ratio: float,
     plan: Generations = Generations(),
 ) -> list[Arrived]:
-    """Run a population from each start, side by side; return where they ended, best first.
+    """Run a population from each start, side by side; return their results, best first.
 
-    ratio: of the observer, which is made for the first start that can be followed. Empty if none
-    can.
+    ratio: of the observer, which is made for the first start that allows one. Empty if none does.
     """
     inside = [model.within(x) for x in starts]
     ground = _ground(experiments, model, inside, ratio)
@@ -78,7 +78,7 @@ def evolve(
         return []
     import cma  # it loads pyplot, half a second, and few searches need a population
 
-    # How the clock reads is found by slopes later, and in a valley's stead it only misleads.
+    # Slopes find the clock's parameters later; in a population they only mislead.
     free = [i for i, p in enumerate(model.parameters) if p.kind not in ("jitter", "skew")]
 
     def whole(x: Floats, member: Floats) -> Floats:
@@ -86,8 +86,8 @@ def evolve(
         found[free] = member
         return found
 
-    # Each draws from a stream of its own: cma's is numpy's for all, which populations side by side
-    # on threads would share, and no run would be the same as the next.
+    # Each draws from its own stream: by default all share numpy's, so that populations side by side
+    # on threads would not be reproducible.
     growing = [
         cma.CMAEvolutionStrategy(
             x[free], plan.spread,
@@ -121,7 +121,7 @@ def _own_stream(seed: int) -> Callable[..., Floats]:
 
 
 def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
-    """The cost at each x; beyond a bound, the cost there plus a penalty for the distance."""
+    """The cost at each x; beyond a bound, the cost at the bound plus a penalty for the distance."""
     inside = [ground.model.within(x) for x in free]
     beyond = np.array([float(np.sum((a - b) ** 2)) for a, b in zip(free, inside, strict=True)])
     return np.nan_to_num(ground.costs(inside), nan=RUNAWAY, posinf=RUNAWAY) + WALL * beyond

@@ -21,7 +21,7 @@ WORST = 1e6  # weighted innovation that stands for an overflow
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x."""
+    """A model at its best x. residual: weighted innovations, then priors; jacobian: of it by x."""
 
     model: Model
     x: Floats
@@ -37,7 +37,7 @@ class Fitted:
 
 
 def _bounded(values: Floats) -> Floats:
-    """Replaces an overflow by the worst value."""
+    """Replace overflows by the worst value."""
     return np.clip(np.nan_to_num(values, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
@@ -53,14 +53,11 @@ class Problem:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
 
     def weighted(self, model: Model, x: Floats) -> Floats:
-        """Return the weighted innovations of all experiments, in order.
-
-        `WORST` if the model runs away, or moves too fast to be followed.
-        """
+        """Return the weighted innovations of all experiments, `WORST` if the model cannot run."""
         return self.weighted_each(model, [x])[0]
 
     def weighted_each(self, model: Model, xs: Sequence[Floats]) -> list[Floats]:
-        """Return `weighted` at several x, run side by side."""
+        """Return `weighted` at several x, computed side by side."""
         many = Many(model, xs, self.fineness)
         parts: list[Floats] = []
         for e in self.experiments:

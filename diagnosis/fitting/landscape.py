@@ -2,9 +2,9 @@
 
     cost(x) = n ln det S_0 + n ln det S(x) + sum of prior x^2,    S(x) = sum w w' / n,
 
-w are the weighted innovations of all recordings, and S_0 is what the weighting divides by. This is
--2 log likelihood, minimised over the covariance of the innovations (`Observer.cost`). The kernel
-sums w w' while it runs, so that no array of the length of a recording is kept.
+where w are the weighted innovations of all recordings, and the weighting divides by S_0. This is -2
+log likelihood, minimised over the covariance of the innovations (`Observer.cost`). The kernel sums
+w w' while it runs, so that no array of the length of a recording is kept.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,7 @@ Floats = NDArray[np.float64]
 
 
 class Landscape:
-    """A model's cost over x.
-
-    `asked` counts the predictions of all recordings.
-    """
+    """A model's cost over x; asked: number of predictions of all recordings."""
 
     def __init__(
         self,
@@ -39,7 +36,7 @@ class Landscape:
         self.priors = np.array([p.prior for p in model.parameters])
 
     def costs(self, xs: Sequence[Floats]) -> Floats:
-        """Return the cost at each x; infinite where the model runs away."""
+        """Return the cost at each x, infinite if the model runs away."""
         self.asked += len(xs)
         observer = self.problem.observer
         many = Many(self.model, xs, self.problem.fineness)

@@ -1,8 +1,8 @@
 """Innovations of one model on a recording, at many parameter vectors x side by side.
 
-A fit needs slopes, a population costs: predictions of one structure with other numbers, which the
-lanes of the kernel compute together (`sim/population.py`). Members that have lost an effect (an
-extra mass of zero) or need another number of substeps are run as a group of their own.
+Slopes of a fit and costs of a population are predictions of one structure with different values,
+which the lanes of the kernel compute together (`sim/population.py`). Members without one of the
+effects (an extra mass of zero) or with another number of substeps run as separate groups.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,14 +29,14 @@ from zwidth.sim.population import Followed, Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
 Shares = tuple[tuple[int, float], ...]
-Differing = tuple[int, Shares]  # what was known to be different, and what of changes holds
-BEGINNING = 32  # samples that say where a run begins
+Differing = tuple[int, Shares]  # known differences of the device, and shares of changes
+BEGINNING = 32  # samples that determine the start of a run
 
 
 class Many:
     """A model at several x: prepared once, then run on several recordings.
 
-    A member that moves too fast to be followed has infinite innovations. Raises ValueError like
+    A member that needs too many substeps has infinite innovations. Raises ValueError like
     `Model.acting`.
     """
 
@@ -49,7 +49,7 @@ class Many:
             self._everyone(self.xs, ())
 
     def kinds(self, experiment: Experiment) -> list["_Kind"]:
-        """Return the members as they were in a recording, by their kind."""
+        """Return the members for a recording, by their kind."""
         key = id(experiment.changes), self.model.shares(experiment)
         if key not in self._kinds:
             self._kinds[key] = list(self._prepared(experiment)) if self.size else []
@@ -79,7 +79,7 @@ class Many:
     def innovations(self, experiment: Experiment, gain: Gain) -> Floats:
         """Return innovations (x, ticks, o) under an observer's gain (states, o).
 
-        experiment.start: of all members, or (x, 2n) if each has its own.
+        experiment.start: (2n,) for all members, or (x, 2n).
         """
         found = np.full((self.size, *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
@@ -89,10 +89,7 @@ class Many:
         return found
 
     def moments(self, experiment: Experiment, gain: Gain, filters: Floats, skip: int) -> Floats:
-        """Return the sums of w w' (x, o, o), w the filtered innovations after the first `skip`.
-
-        Infinite if a member cannot be followed. No array of the recording's length is kept.
-        """
+        """Return sums of w w' (x, o, o), w filtered innovations after `skip`; inf if impossible."""
         o = len(experiment.outputs)
         found = np.full((self.size, o, o), np.inf)
         for which, followed in self._followed(experiment, gain, filters, skip):
@@ -144,7 +141,7 @@ class Many:
 
 
 class _Kind(NamedTuple):
-    """Members with the same states and substeps: which, prepared, and the first of them."""
+    """Members with the same states and substeps: their indices, prepared, and the first of them."""
 
     which: NDArray[np.int64]
     population: Population
@@ -158,7 +155,7 @@ def _first_motion(
     led: Floats,
     change: Floats,
 ) -> tuple[float, float]:
-    """Return the motion at the first sample as a member reads it, see `Model.seen`."""
+    """The motion at the first sample as a member reads it, see `Model.seen`."""
     measured = first.measured
     if origin.any():
         measured = measured - origin

@@ -1,1 +1,1 @@
-"""Forces that no library effect explains: where they act and which state they follow."""
+"""Forces that no library effect explains: their place and the state they depend on."""

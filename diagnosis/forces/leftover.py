@@ -1,19 +1,20 @@
-"""Is a force left that no library effect explains? Tested with a bank of generic forces.
+"""Tests with a bank of generic forces whether one is left that no library effect explains.
 
-A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / period): q one of
+A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / period), where q is one
+of
 
     1, velocity, acceleration of a mass, or deflection and its rate of a link,
 
-s is time or the position of m1. With g = F' r (`forces.spatial`), such a force would gain a
+and s is time or the position of m1. With g = F' r (`forces.spatial`), such a force would gain a
 chi-square of 2 |G|^2 / n, where G is the spectrum of g q over s: one FFT gives all periods. n is
 the mean of |G|^2 over `DRAWS` residuals drawn at random with the residual's own smoothed spectrum
 and envelope, because noise is never quite white near a resonance and, with irregular sampling, is
-larger where motion is fast. For q = 1, where a hum is a line of that very spectrum, n comes from
-white residuals and from the lines around, over wide and narrow neighbourhoods, since an
-antiresonance is narrow. The best line of all families is compared with the value that the best of
-as many lines of white noise exceeds once in `odds` recordings. Slow warming is a line of low
-frequency. What a refit absorbs is removed from the residual and from the noise: a damper that
-varies once over the whole travel is nearly a damper. Limits: q is the observer's prediction.
+larger during fast motion. For q = 1, a hum is itself a line of that spectrum, so n comes from white
+residuals and from the lines around, over wide and narrow neighbourhoods, since an antiresonance is
+narrow. The best line of all families is compared with the value that the best of as many lines of
+white noise exceeds once in `odds` recordings. Slow warming is a line of low frequency. The part
+that a refit absorbs is removed from residual and noise: a damper that varies once over the whole
+travel is nearly a damper. Limits: q is the observer's prediction.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -32,22 +33,22 @@ from zwidth.diagnosis.settings import FREE_FORCES
 from zwidth.sim.place import GROUND, MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-FASTEST_HZ = 40.0  # at which a parameter sways
+FASTEST_HZ = 40.0  # at which a parameter may vary
 FINEST = 60.0  # periods over the travel
-SPRINGS = 6  # half periods over the travel, below which a ripple is a bent spring
+SPRINGS = 6  # half periods over the travel; with fewer, a ripple is a bent spring
 DRAWS = 48  # of white noise
 SEED = 0
-AROUND = 51  # lines whose median says how much colour is left about a hum
-BESIDE = (2, 8)  # lines to either side whose mean says so too: nearer is the hum's own leakage
-ENVELOPE = 300  # samples over which the residual's size is taken
+AROUND = 51  # lines whose median gives the noise about a hum
+BESIDE = (2, 8)  # lines to either side whose mean does too; nearer ones have the hum's leakage
+ENVELOPE = 300  # samples over which the residual's size is averaged
 SMOOTH = 15  # lines over which the residual's spectrum is smoothed, to draw noise alike
-COARSE = 8.0  # lags that the filters see: a resolution of 20 Hz at 1 kHz
+COARSE = 8.0  # lags of the filters' memory: a resolution of 20 Hz at 1 kHz
 BINS = 4096  # over twice the travel
 
 
 @dataclass(frozen=True)
 class Leftover:
-    """The strongest line. gained: its chi-square; chance: what noise reaches once in `odds`.
+    """The strongest line. gained: its chi-square; chance: one that noise exceeds once in `odds`.
 
     at: "m1".. or "link12"..; follows: q; over: "time" or "position"; period [s, rad or m];
     spacing: of 1 / period between two lines.
@@ -63,7 +64,7 @@ class Leftover:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance."""
+        """Whether the gain exceeds chance."""
         return self.gained > self.chance
 
     def sentence(self, rotary: bool) -> str:
@@ -72,14 +73,14 @@ class Leftover:
         q = "" if self.follows == "1" else f" proportional to the {self.follows}"
         return (
             f"a force at {self.at}{q} that repeats over {self.over} every {self.period:.3g} {unit}"
-            f" would gain a chi-square of {self.gained:.0f} (chance: {self.chance:.0f})"
+            f" would lower the chi-square by {self.gained:.0f} (chance: {self.chance:.0f})"
         )
 
 
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     """Return the strongest line in the residual of a fitted model.
 
-    It is sought in coarsely whitened innovations, since a fine filter takes a strong line for
+    It is sought in coarsely whitened innovations, since a fine filter treats a strong line as
     noise.
     """
     problem, fitted = _coarsely(problem, fitted)
@@ -116,7 +117,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
 
 
 def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
-    """Problem and fit with filters that hide no line."""
+    """Problem and fit with coarse filters, which hide no line."""
     if problem.observer.whitening is None:
         return problem, fitted
     device = fitted.model.acting(fitted.x)
@@ -128,10 +129,10 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
 
 @dataclass(frozen=True)
 class Family:
-    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, for many periods.
+    """The forces q cos(phase + 2 pi s / period) at one place, for one q, one s and many periods.
 
-    factor: q at every tick of every recording; bins: of s if it is not time, None otherwise; kept:
-    which lines of the spectrum; periods: of those.
+    factor: q at every tick of every recording; bins: of a position s, None for time; kept: lines of
+    the spectrum that are used; periods: of these lines.
     """
 
     place: str
@@ -148,7 +149,7 @@ class Family:
         return self.follows == "1" and self.over == "time"
 
     def power(self, pulls: list[Floats]) -> Floats:
-        """Return |G|^2 of the lines, g of every recording given."""
+        """Return |G|^2 of the lines, from g of every recording."""
         both = zip(pulls, self.factor, strict=True)
         if self.bins is None:
             product = np.concatenate([g * q for g, q in both])
@@ -159,10 +160,7 @@ class Family:
 
 
 def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iterator[Family]:
-    """Every family; of forces periodic in position alone, those beside a ripple at m1.
-
-    The library has one ripple and springs. Here harmonics of another shape are sought.
-    """
+    """Every family; forces periodic in position alone only at places with a ripple."""
     n = states[0].shape[1] // 2
     places = map(str, masses_and_links(n))
     positions = [x[:, 0] for x in states]
@@ -206,7 +204,7 @@ def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> lis
 
 
 def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
-    """Q at every tick of every recording, by name."""
+    """Return q at every tick of every recording, by name."""
     i, j = place_at(place).ends
     if j != GROUND:
         return {
@@ -221,13 +219,13 @@ def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str
 
 
 def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
-    """The fit with white noise for a residual."""
+    """The fit with white noise as its residual."""
     return replace(fitted, residual=random.standard_normal(fitted.residual.size))
 
 
 def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
-    """The fit with noise of the residual's own envelope and smoothed spectrum, random phases."""
-    # A running mean of what stands still is zero, and by its rounding less.
+    """The fit with noise of the residual's envelope and smoothed spectrum, with random phases."""
+    # Rounding can make a running mean of zeros negative.
     size = uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect")
     envelope = np.sqrt(np.maximum(size, 0.0))
     envelope[envelope == 0.0] = 1.0
@@ -240,7 +238,7 @@ def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
-    """Chi-square of the lines. alone: only of those above the band around them."""
+    """Chi-square of the lines. alone: relative to the lines around, if these exceed the level."""
     over = power / np.where(level > 0.0, level, np.inf)
     if not alone or not over.size:
         return 2.0 * over
@@ -253,6 +251,6 @@ def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
 
 
 def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:
-    """Return positions and velocities (ticks, 2n) of all masses as the observer predicts them."""
+    """Return positions and velocities (ticks, 2n) of all masses that the observer predicts."""
     device, gain = fitted.model.acting(fitted.x), problem.observer.gain
     return [followed(device, fitted.model.seen(e, fitted.x), gain) for e in problem.experiments]

@@ -1,12 +1,12 @@
-"""Where simulation and recording differ: in time, frequency, state, and at which entry point.
+"""Locates the difference of simulation and recording: in time, frequency, state and place.
 
-Shares are of the residual's excess energy, which the noise model does not expect: energy above one
-per whitened sample, so that a recording with nothing missing has nothing to locate.
+Shares refer to the residual's excess energy: energy above one per whitened sample, which the noise
+model does not expect. So a recording with nothing missing has nothing to locate.
 
-A force of unknown shape is added at a place (m1, m2, m3, each link, or through the command), with a
-constant in each of `BINS` bins of position, of velocity and of command. Each such force has a
-signature in the innovations. A regression of the residual on the signatures, orthogonal to the
-refit, gives the map of the missing force and the chi-square that any force there could gain.
+A force of unknown shape is added at a place (each mass and link), with a constant in each of `BINS`
+bins of position, velocity, command or time. Each such force has a signature in the innovations. A
+regression of the residual on the signatures, orthogonal to the refit, gives the map of the missing
+force and the chi-square that any force there could gain.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,14 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import predicted
 from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.shown import Valued
 from zwidth.sim.place import MASSES, Place, masses_and_links
 
 Floats = NDArray[np.float64]
 Share = dict[str, Any]  # {"from", "to" or "name", "share"}
 BINS = 8
-TELLING = 0.25  # share of the excess that is worth a sentence
-DENSER = 1.5  # than elsewhere, from which it is worth one
+TELLING = 0.25  # share of the excess that is reported
+DENSER = 1.5  # times the share of the time, from which it is reported
 SLICES = 20
 BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 NEAR_REVERSAL_S = 0.012
@@ -39,8 +40,8 @@ STATES = ("position", "velocity", "command", "time")
 
 
 @dataclass(frozen=True)
-class ForceMap:
-    """The missing force at a place against one state: bin edges, force in each bin, its error."""
+class ForceMap(Valued):
+    """The missing force at a place over one state: bin edges, force in each bin, its error."""
 
     place: str
     against: str
@@ -51,8 +52,8 @@ class ForceMap:
 
 
 @dataclass(frozen=True)
-class Located:
-    """Shares of the excess residual energy, a list each of {"from", "to" or "name", "share"}."""
+class Located(Valued):
+    """Shares of the excess residual energy, each a list of {"from", "to" or "name", "share"}."""
 
     sentence: str
     time: list[Share]
@@ -68,7 +69,7 @@ NOWHERE = Located(
 
 
 def locate(problem: Problem, fitted: Fitted) -> Located:
-    """Locate what a fitted model does not explain."""
+    """Locate the unexplained part of a fitted model's residual."""
     first = problem.experiments[0]
     white = fitted.white.reshape(-1, first.measured.shape[1])
     time = _time(white, first.period)
@@ -109,10 +110,10 @@ def _frequency(white: Floats, period: float) -> list[Share]:
 
 
 def motions(problem: Problem, fitted: Fitted) -> list[tuple[Floats, Floats]]:
-    """Return the predicted position and velocity of the first output's mass, of every recording.
+    """Return the predicted position and velocity of the first output's mass in every recording.
 
-    The motion that the observer predicted before each sample, over the last five of them. A motion
-    taken from the samples themselves contains their noise, which the residual would follow.
+    They are the observer's predictions before each sample, the velocity over the last five of them.
+    A motion computed from the samples would contain their noise, as the residual does.
     """
     found: list[tuple[Floats, Floats]] = []
     last = np.full(5, 0.2)
@@ -155,7 +156,7 @@ def _state(problem: Problem, white: Floats, moved: Sequence[tuple[Floats, Floats
 def force_maps(
     problem: Problem, fitted: Fitted, moved: Sequence[tuple[Floats, Floats]]
 ) -> tuple[ForceMap, ...]:
-    """Return the missing force at every place against every state."""
+    """Return the missing force at every place over every state."""
     device = fitted.model.acting(fitted.x)
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)
@@ -164,7 +165,7 @@ def force_maps(
     units = np.array([response(problem, fitted, at) for at in MASSES[:n]])
 
     def signature(place: Place, masks: Sequence[NDArray[np.bool_]]) -> Floats:
-        """Of a unit force where a mask is true, by the response of the linear device."""
+        """The signature of a unit force where a mask is true, in the linear device."""
         answer = np.tensordot(place.row(n), units, 1)
         parts = [
             fftconvolve(mask[:, None].astype(float), answer, axes=0)[SETTLING : mask.size].ravel()
@@ -179,7 +180,7 @@ def force_maps(
             values = [state_of(e, motion, against) for e, motion in pairs]
             edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
             edges = np.unique(edges)
-            if edges.size < 2:  # a state that never changes (no command) tells nothing
+            if edges.size < 2:  # a state that never changes (no command)
                 continue
             edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
             bins = [[(v >= a) & (v < b) for v in values] for a, b in pairwise(edges)]
@@ -212,17 +213,17 @@ def _sentence(state: Sequence[Share], maps: Sequence[ForceMap]) -> str:
     top = max(maps, key=lambda m: m.gained)
     if not stands_out(top):
         return "no force at any place would explain more than noise"
-    force = f"a force at {top.place} that follows {top.against}{sign_of(top)}"
-    return f"{densest(state)}{force} describes it best"
+    force = f"a force at {top.place} that depends on {top.against}{sign_of(top)}"
+    return f"{densest(state)}{force} best describes what is missing"
 
 
 def stands_out(top: ForceMap) -> bool:
-    """Whether a map shows a force at all."""
+    """Whether the force of a map exceeds noise."""
     return top.gained >= 4.0 * BINS
 
 
 def densest(state: Sequence[Share]) -> str:
-    """Say where in the motion the excess is, "" if it is everywhere."""
+    """Say in which part of the motion the excess is, "" if it is everywhere."""
     told = [
         s for s in state
         if s["name"] != "elsewhere" and s["share"] >= max(TELLING, DENSER * s["time_share"])
@@ -239,11 +240,11 @@ def densest(state: Sequence[Share]) -> str:
 
 
 def sign_of(top: ForceMap) -> str:
-    """Say the sign of a force that follows velocity."""
+    """Say whether a force over velocity is against the motion, else ""."""
     middle = 0.5 * (top.edges[1:] + top.edges[:-1])
     if top.against != "velocity" or top.force.size < 4:
         return ""
     low, high = top.force[middle < 0.0], top.force[middle > 0.0]
     if low.size and high.size and low.mean() > 0.0 > high.mean():
-        return ", against the motion,"
+        return " and acts against the motion"
     return ""

@@ -1,16 +1,17 @@
-"""Is a named effect really something similar that the library lacks? Tested by complete fits.
+"""Tests by complete fits whether a named effect is really a similar one that the library lacks.
 
-A drag that carries much of the motion changes it completely, and so does a stop; a force added to
-the recording does not follow such a change (`forces.unknown`). So a named effect is replaced by a
-law of no library, which is simulated and fitted like any effect:
+A strong drag or a stop changes the motion completely, which a force added to the recording
+(`forces.unknown`) cannot represent. So a named effect is replaced by a law that is not in the
+library, which is simulated and fitted like any effect:
 
     quadratic_drag, alone or with any one other effect      a drag whose power is free
-    what follows position at m1, each alone and all of it   a spring met on one side only
+    effects over position at m1, each alone and all         a spring met on one side only
     force_ripple, alone, with any one other and with all    a force of four harmonics
 
-If that is likelier (`rather`), after the penalty for its unknowns, it is physics of no library. For
-example, a cubic drag resembles a quadratic one and some friction, a stop resembles a spring that
-stiffens and some gravity, a magnet's detent resembles a ripple and an eccentric encoder.
+If this law is more likely (`rather`), after the penalty for its unknowns, the physics is not in the
+library. For example, a cubic drag resembles a quadratic one and some friction, a stop resembles a
+spring that stiffens and some gravity, a magnet's detent resembles a ripple and an eccentric
+encoder.
 """
 
 import math
@@ -47,24 +48,24 @@ BY_POSITION = (
     "hysteresis@ground",
 )
 MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
-LOOK = 4  # rounds of a first look at each
-JUDGED = 3  # of the likeliest, that are fitted to their end
-HOPE = 100.0  # in -2 ln, by which a first look may end above what an end must be below
-DEPTH = 1e-4  # of the travel, that a stop must be pressed by
+LOOK = 4  # rounds of a first fit of each
+JUDGED = 3  # most likely probes, which are fitted to the end
+HOPE = 100.0  # in -2 ln, by which a first look may exceed the cost that a final fit must undercut
+DEPTH = 1e-4  # of the travel, by which a stop must be pressed
 
 
 @dataclass(frozen=True)
 class Probe:
-    """A law of no library in place of some effects of a model (their indices in it)."""
+    """A law that is not in the library, in place of some effects of a model (their indices)."""
 
     gone: tuple[int, ...]
     physics: Physics
     scales: dict[str, float]
-    nested: bool  # the named effect is a case of it
+    nested: bool  # whether the named effect is a case of the law
 
 
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
-    """Return the likeliest law of no library, if it is likelier than the named effects."""
+    """Return the most likely law outside the library, if more likely than the named effects."""
     probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
     if not probes:
         return None
@@ -77,7 +78,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     looked: list[tuple[float, Probe, Model, Floats]] = []
     for probe in probes:
         model, x = _exchanged(final, probe)
-        with suppress(NoObserver):  # where no observer follows the recording with it
+        with suppress(NoObserver):
             cost, x, _ = fitted_in_turn(experiments, model, x, near, 1, LOOK)
             looked.append((cost + price * x.size, probe, model, x))
     likely = sorted((one for one in looked if one[0] < least + HOPE), key=lambda one: one[0])
@@ -87,7 +88,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
         except NoObserver:
             continue
         paid = there.cost(settled) + price * settled.x.size
-        # Of a case of the law itself, five sigma of the one unknown more are enough, not paid for.
+        # If the effect is a case of the law, its further unknown needs five sigma, but no penalty.
         weighed = paid - price * (settled.x.size - final.x.size) if probe.nested else paid
         if weighed < least:
             gone = [final.model.effects[i] for i in probe.gone]
@@ -104,9 +105,9 @@ def _says(law: Physics, rotary: bool) -> str:
         return f"the power {law.values['power']:.3g} of velocity"
     if law.effect is periodic_force:
         period = law.values["period"]
-        return f"position and repeats every {period:.4g} {unit}, of another shape than a sine,"
+        return f"position and repeats every {period:.4g} {unit}, in a shape other than a sine,"
     where = "above" if law.values["side"] > 0.0 else "below"
-    return f"position only {where} {law.values['place']:.4g} {unit}, as of a stop"
+    return f"position only {where} {law.values['place']:.4g} {unit}, like the force of a stop"
 
 
 def _powers(problem: Problem, final: Fitted) -> Iterator[Probe]:
@@ -140,14 +141,14 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
             for side in (-1.0, 1.0):
                 place = float(np.quantile(q, share if side < 0.0 else 1.0 - share))
                 depth = abs(float(q.min() if side < 0.0 else q.max()) - place)
-                if depth > DEPTH * float(np.ptp(q)):  # less is where a device rests at its end
+                if depth > DEPTH * float(np.ptp(q)):  # less depth is only rest at an end
                     values = {"place": place, "stiffness": force / depth, "side": side}
                     scales = {"place": depth, "stiffness": force / depth}
                     yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)
 
 
 def repeating(final: Fitted) -> Iterator[Probe]:
-    """Starts at each ripple that was found, taken for one harmonic after the other."""
+    """Yield starts at each ripple of the answer, as each of the harmonics in turn."""
     built = {place_label(p): p for p in final.model.build(final.x).physics}
     for ripple, named in enumerate(final.model.effects):
         if named.effect is force_ripple:

@@ -1,4 +1,4 @@
-"""Forces periodic in position or command: their period, by a spectrum over that quantity.
+"""Finds the period of forces periodic in position or command, by a spectrum over that quantity.
 
 A force f_k (or an error of the sensor s_k) changes the weighted innovations r by F f, where F is
 the linear response of observer and device. So with g = F' r, <r, F f> = <g, f>, and a wave f = a
@@ -7,11 +7,11 @@ cos(2 pi q_k / period + phase) over a quantity q gains a chi-square of 2 |G|^2 /
     G(1 / period) = sum g_k exp(-2 pi i q_k / period),    n = |F exp(2 pi i q / period)|^2.
 
 For white r the expectation of |G|^2 is n, so the mean spectrum of drawn white noise gives n (the
-spectrum of r itself would contain the wave that is sought, whose line is broad if q is visited
-unevenly). One FFT over bins of q gives all periods at once, and finds lattices of steps and waves
-that no list of starting values would contain. An observer starts with the sensor's reading, and a
-slow one would take a wave that starts suddenly for a jump; so g is faded in over `ONSET` ticks.
-Limits: what a refit absorbs is not removed (it has long periods), and r must be nearly white.
+spectrum of r itself would contain the sought wave, whose line is broad if q is visited unevenly).
+One FFT over bins of q gives all periods at once, and finds lattices of steps and waves that no list
+of starting values would contain. An observer starts with the sensor's reading, and a slow one would
+show the sudden start of a wave as a jump, so g is faded in over `ONSET` ticks. Limits: the part
+that a refit absorbs (long periods) is not removed, and r must be nearly white.
 """
 
 from collections.abc import Sequence
@@ -30,13 +30,13 @@ from zwidth.sim.place import place_at
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 LONGEST = 2000  # ticks of response kept
-LEAD = 20  # ticks before a unit enters: the first samples are where an observer begins
-HARMONICS = 5  # of a saw
+LEAD = 20  # ticks before a unit enters, since an observer starts from the first samples
+HARMONICS = 5  # of a sawtooth
 SEED = 0
-FINER = 8  # lines a reciprocal span
-MOST_BINS = 20  # powers of two: finer waves over a long way are not looked for
+FINER = 8  # lines for each reciprocal span
+MOST_BINS = 20  # power of two: finer waves over a long way are not sought
 ONSET = 500
-DRAWS = 4  # of white noise: their power is smoothed over lines
+DRAWS = 4  # of white noise
 WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 
@@ -44,7 +44,7 @@ WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 class Peak:
     """A wave over a quantity: period, and approximately the chi-square that it would gain.
 
-    turned: by how much its phase in each group of recordings differs from that in the first.
+    turned: phase in each group of recordings, relative to the first group.
     """
 
     period: float
@@ -55,8 +55,8 @@ class Peak:
 def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> Floats:
     """Return the weighted innovations (ticks, o) after a unit at a place.
 
-    In a link it pushes the first mass one way and the second the other; in "sensor" it is added to
-    the reading of an output. The response is that of the device without its nonlinear physics.
+    In a link the unit pushes the first mass one way and the second the other; in "sensor" it is
+    added to the reading of an output. The device is without its nonlinear physics.
     """
     device = fitted.model.acting(fitted.x)
     device = device.bare()
@@ -82,14 +82,14 @@ def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> F
 
 
 class Pull(NamedTuple):
-    """g (ticks,) of the residual, and (draws, ticks) of drawn white noise."""
+    """g (ticks,) of the residual, and (draws, ticks) of white noise."""
 
     found: Floats
     chance: Floats
 
 
 def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
-    """Return g of every experiment for a unit input at a place, and that of white noise."""
+    """Return g of the residual and of white noise, for a unit input at a place, by experiment."""
     random = np.random.default_rng(SEED)
     size = fitted.residual.size
     noise = [replace(fitted, residual=random.standard_normal(size)) for _ in range(DRAWS)]
@@ -130,9 +130,8 @@ def peaks(
     """Return the strongest waves over a quantity with periods above `finest`, and lines tried.
 
     pulls: as `pulls` returns them; over: the quantity at every tick, of the same length. Only
-    periods of which the travel holds two or more are tried. groups: recordings in which a wave may
-    have a phase of its own; none for one phase in all. The gains of several groups add up, each at
-    its own phase.
+    periods of which the travel contains two or more are tried. groups: recordings that share a
+    phase, by default all. The gains of several groups, each with its own phase, add up.
     """
     ends = min(float(q.min()) for q in over), max(float(q.max()) for q in over)
     each: list[Complexes] = []
@@ -155,7 +154,7 @@ def peaks(
 
 
 def _turned(each: Sequence[Complexes], line: int) -> tuple[float, ...]:
-    """Phases of a line in each spectrum relative to the first, within half a turn."""
+    """Phases of a line in each spectrum relative to the first one, within half a turn."""
     return tuple(float(np.angle(waves[line] * np.conj(each[0][line]))) for waves in each)
 
 
@@ -167,14 +166,14 @@ def step_peaks(
     spread: float = 0.0,
     count: int = 3,
 ) -> tuple[list[Peak], int]:
-    """Return the likeliest steps of a quantity above `finest`, and lines tried.
+    """Return the most likely steps of a quantity above `finest`, and lines tried.
 
-    The error of a step is a saw whose harmonics all have known size and phase, so
+    The error of a step is a sawtooth whose harmonics all have known size and phase, so
 
         gained = 2 sign sum c_j S_j - sum c_j^2 n_j / 2,    c_j = (-1)^j step / (pi j),
 
-    S_j is the sine part of G at j / step. sign: 1 if the error is in the recording, -1 if it is to
-    be added to the model. spread: uncertainty of the quantity, over the step.
+    where S_j is the sine part of G at j / step. sign: 1 if the error is in the recording, -1 if it
+    is added to the model. spread: uncertainty of the quantity, over the step.
     """
     spectrum = _spectrum(pulls, over, finest / HARMONICS)
     if spectrum is None:
@@ -193,9 +192,9 @@ def step_peaks(
 def _spectrum(
     pulls: list[Pull], over: list[Floats], finest: float, ends: tuple[float, float] | None = None
 ) -> tuple[NDArray[np.int64], Complexes, Floats, float] | None:
-    """Lines k, G and its expected power under noise at k / (FINER span), and the span.
+    """Lines k, G and its expected power for noise at k / (FINER span), and the span.
 
-    ends: of the span; those of the quantity itself by default.
+    ends: of the span, by default of the quantity itself.
     """
     low, high = ends or (min(float(q.min()) for q in over), max(float(q.max()) for q in over))
     span = high - low
@@ -217,9 +216,9 @@ def _spectrum(
 
 
 def _level(power: Floats, lines: NDArray[np.int64]) -> Floats:
-    """Smooth the power of noise over lines: over more of them where lines are fine.
+    """Smooth the power of noise over lines: over more of them at short periods.
 
-    An error at the sensor counts little at long periods and much at short ones, so that a wide mean
+    An error at the sensor has little power at long periods and much at short ones, so a wide mean
     would hide a long wave.
     """
     level = power

@@ -6,18 +6,17 @@ Missing physics without a name is modelled as a force of free shape at one place
     f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate, or
     f = a v^3,
 
-the second form describes a damper, mass or spring that drifts, the third the remainder of a drag
-with another power. Under a slower observer, which takes no motion for a disturbance, least squares
-gives the a, orthogonal to the refit. The best shapes are then added to the recording as a known
-force. The criterion is how much likelier the recording is with the force, each under its own
-likeliest observer. The force is computed along the motion that the model with it predicts, and
-again in each round. Limits: a force that changes the motion completely is not found in so few
-rounds.
+The second form describes a damper, mass or spring that drifts, the third the remainder of a drag
+with another power. Under a slower observer, which attributes no motion to disturbance, least
+squares gives the a, orthogonal to the refit. The best shapes are then added to the recording as a
+known force, computed in each round along the motion that the model with the force predicts. The
+criterion is the likelihood with and without the force, each with its own most likely observer.
+Limits: a force that changes the motion completely is not found in so few rounds.
 
-A named effect may fit unknown physics: a hum resembles a mode without damping, the cube of a
-velocity resembles its square and some friction. So for each named effect, and for all together, the
-strongest repeating force and the cube of a velocity are tried in its place (`instead`). If such a
-force is likelier with no more unknowns, the finding has no name.
+A named effect may imitate unknown physics: a hum resembles a mode without damping, the cube of a
+velocity resembles its square and some friction. So in place of each named effect, and of all
+together, the strongest repeating force and the cube of a velocity are tried (`instead`). If such a
+force is more likely with no more unknowns, the effect is not named.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -47,17 +46,17 @@ from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.place import MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-# Of the samples, between bins: narrow at the ends, where a stop is.
+# Quantiles of the samples between bins: narrow at the ends, where stops are.
 QUANTILES = (0.0, 0.005, 0.02, 0.06, 0.15, 0.3, 0.5, 0.7, 0.85, 0.94, 0.98, 0.995, 1.0)
 DRIFTS = 5  # cosines of a drift
 TURNS = 3  # of observer, parameters and strengths
 ROUNDS = 4  # of a fit beside such a force
-HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
-FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
+HOPE = 10.0  # gain in -2 log likelihood, below which there is no further turn
+FARTHEST = 1.0  # in x: the most that parameters move beside a force before a fit
 CUBE = "the cube of velocity"
-WAVING = 3  # unknowns of what repeats: cosine, sine and period
-SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
-JUDGED = 3  # shapes of each view whose likelihood is looked at
+WAVING = 3  # unknowns of a repeating force: cosine, sine and period
+SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods of an inertia over the travel
+JUDGED = 3  # shapes of each view whose likelihood is computed
 SLOWER = 1e-2  # of the observer's ratio
 
 
@@ -65,8 +64,8 @@ SLOWER = 1e-2  # of the observer's ratio
 class Shape:
     """A force of free shape: one column for each unknown, (ticks, unknowns) per recording.
 
-    ends: share (n,) of it on every mass; -1 at the far end of a link. rebuilt: the same along the
-    motion that another problem and fit predict.
+    ends: share (n,) of the force on every mass; -1 at the far end of a link. rebuilt: returns the
+    shape along the motion that another problem and fit predict.
     """
 
     place: str
@@ -91,7 +90,7 @@ class Gained:
 
 @dataclass(frozen=True)
 class Forced:
-    """A model fitted with a known force in the experiments: cost, and the observer's ratio."""
+    """A model fitted with a known force in the experiments: cost, x and the observer's ratio."""
 
     cost: float
     x: Floats
@@ -101,7 +100,7 @@ class Forced:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The likeliest shape: gain in -2 log likelihood by its unknowns."""
+    """The most likely shape: gain in -2 log likelihood, and number of unknowns."""
 
     gained: float
     unknowns: int
@@ -110,16 +109,16 @@ class Unknown:
 
     @property
     def sentence(self) -> str:
-        """Say what would explain it."""
+        """Say which force would explain the recording better."""
         return (
-            f"a force at {self.place} that follows {self.follows} would make the recording likelier"
-            f" by {self.gained:.0f} in -2 log likelihood with {self.unknowns} unknowns"
+            f"a force at {self.place} that depends on {self.follows} would make the recording"
+            f" likelier by {self.gained:.0f} in -2 log likelihood with {self.unknowns} unknowns"
         )
 
 
 @dataclass(frozen=True)
 class Instead:
-    """A force of no library in place of named effects: its gain, less its penalty."""
+    """A force outside the library in place of named effects: its gain, less its penalty."""
 
     gained: float
     unknowns: int
@@ -129,10 +128,10 @@ class Instead:
 
     @property
     def sentence(self) -> str:
-        """Say what explains it better."""
+        """Say which force explains the recording better."""
         number = f"{self.unknowns} unknown{'s' if self.unknowns > 1 else ''}"
         how = self.follows
-        how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
+        how = how if how.startswith(("repeats", "depends on")) else f"depends on {how}"
         return (
             f"a force at {self.place} that {how} makes the recording likelier than"
             f" {self.name} by {self.gained:.0f} in -2 log likelihood, after the penalty for"
@@ -141,9 +140,9 @@ class Instead:
 
 
 def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None:
-    """Return the likeliest force of free shape beside a fitted model, on all of the recordings.
+    """Return the most likely force of free shape beside a fitted model, on all recordings.
 
-    None if no slower observer follows the device. The result is not kept in any fit, so the
+    None if no observer can follow a recording with such a force. No fit keeps the result, so the
     recordings may be held-out ones.
     """
     best: tuple[float, Gained, Forced] | None = None
@@ -163,7 +162,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     for (_, _, one), forced in zip(tried, judged, strict=True):
         if forced is None:
             continue
-        # A likelihood may gain by more than the force, as by another beginning.
+        # A likelihood may also gain otherwise, for example by another initial state.
         found = max(forced.cost, base - one.gained)
         if one.shape.follows == "time" and base - found < FREE_FORCES.over_time:
             continue
@@ -172,8 +171,8 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     if best is None:
         return None
     found, one, forced = best
-    # A model not fitted to its end gains by anything, and by another observer alone.
-    # Where it stood beside the force, the fit without may stay for good: from its own x as well.
+    # An unfinished fit gains by any change, even by another observer alone.
+    # The fit without the force may stay where it was beside the force: also fit from its own x.
     both, model = (plain.x, forced.x), fitted.model
     beside = replace(fitted, x=forced.x)
     base = min(base, alone(beside, experiments, near))
@@ -186,7 +185,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
 
 
 def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
-    """Return place, state, and chi-square gained by a force in bins of it, less the penalty."""
+    """Return place, state, and the chi-square that a force in its bins gains, less the penalty."""
     every = _gains(problem, fitted)
     return [
         (g.shape.place, g.shape.follows, _surplus(g)) for g in every if g.shape.follows in STATES
@@ -194,11 +193,11 @@ def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
 
 
 def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitted]]:
-    """Yield the given observer, then a slower one that follows the device, the model refitted."""
+    """Yield the given observer, then a slower one with the model refitted, if possible."""
     experiments = problem.experiments
     yield problem, current
     ratio = SLOWER * problem.observer.ratio
-    with suppress(NoObserver):  # so slow that it does not hold the device
+    with suppress(NoObserver):  # too slow to stabilize the device
         slow = prepared_for(experiments, current.model, current.x, blind(ratio))
         refitted = fit(slow, current.model, current.x)
         slow = prepared_for(slow.experiments, current.model, refitted.x, blind(ratio))
@@ -208,11 +207,11 @@ def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitte
 def instead(
     problem: Problem, final: Fitted, without: Fitted, experiments: Sequence[Experiment], name: str
 ) -> Instead | None:
-    """Return a force of no library that explains more than some effects, with fewer unknowns.
+    """Return a force outside the library that explains more than some effects, or None.
 
-    without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
-    inertia that varies with position, and the strongest repeating or drifting force. Each is judged
-    by likelihood, under its own likeliest observer.
+    without: the fit without these effects; name: of them. Tries the cube of a velocity, an inertia
+    that varies with position, and the strongest repeating or drifting force, with no more unknowns
+    than the effects. Each is judged by likelihood, with its own most likely observer.
     """
     n = final.model.acting(final.x).chain.masses.size
     named = final.x.size - without.x.size
@@ -224,7 +223,7 @@ def instead(
         line = leftover(problem, without)
         if line.gained > line.chance * inflation(without.white):
             lines.append(line)
-        if experiments[0].outputs[0].quantity == "position":  # else its travel is a drift
+        if experiments[0].outputs[0].quantity == "position":  # else the travel may be a drift
             lines.append(_swinging(problem, without, off, n))
     for one in lines:
         shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
@@ -234,12 +233,12 @@ def instead(
     least = alone(final, experiments, near) + named * price - FREE_FORCES.rather
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
-        unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
+        unknowns = one.strength.size + (shape.follows != CUBE)  # plus its period
         if unknowns > named or one.gained < FREE_FORCES.part * lost:
             continue
         try:
             paid = _with_force(problem, without, one, np.inf, near).cost
-        except NoObserver:  # no observer follows the recording with that force
+        except NoObserver:
             continue
         paid += unknowns * price
         if paid < least:
@@ -249,11 +248,10 @@ def instead(
 
 
 def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
-    """The inertia of m1 that is periodic in its position and explains most, of few periods.
+    """The inertia of m1, periodic in its position over few periods, that explains most.
 
-    An eccentric encoder is equivalent to it by a change of coordinates, except for command and
-    dampers, and the part that a refit does not absorb appears on other lines of the spectrum than
-    its own.
+    An eccentric encoder is equivalent by a change of coordinates, except for command and dampers,
+    and the part that a refit does not absorb is on other lines of the spectrum.
     """
     positions = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, fitted)])
     spacing = 0.5 / float(np.ptp(positions))
@@ -267,10 +265,7 @@ def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Left
 
 
 def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
-    """The best period between the neighbours of a line.
-
-    A wave of few periods over the travel is far from any line of the spectrum over it.
-    """
+    """The best period between a line and its neighbours: a wave of few periods is on no line."""
     n = fitted.model.acting(fitted.x).chain.masses.size
 
     def at(further: float) -> Leftover:
@@ -285,7 +280,7 @@ def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Left
 
 
 def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
-    """The strongest line as a force: its cosine and sine, times what it is proportional to."""
+    """The strongest line as a force: cosine and sine times the quantity it is proportional to."""
     states = predicted_states(problem, fitted)
     period = problem.experiments[0].period
     place = place_at(line.at)
@@ -295,16 +290,16 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
         turn = 2.0 * np.pi * over / line.period
         both = _settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
         if (line.follows, line.over) == ("acceleration", "position"):
-            # An inertia m(x) takes m a + m'(x) v^2 / 2, or it would make energy. What an eccentric
-            # encoder reports moves just so; only command and dampers swing with it besides.
+            # Without m'(x) v^2 / 2 an inertia m(x) would generate energy. The readings of an
+            # eccentric encoder move likewise, but with command and dampers that vary too.
             speed = _settled(x[:, n + place.index] ** 2)[:, None]
             both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
         columns.append(both)
-    how = f"follows the {line.follows} and repeats over {line.over}"
+    how = f"depends on {line.follows} and repeats over {line.over}"
     if line.follows == "1":
         how = f"repeats over {line.over}"
     elif (line.follows, line.over) == ("acceleration", "position"):
-        how = "follows the acceleration, as an inertia that repeats over position,"
+        how = "depends on acceleration, like an inertia that repeats over position,"
     again = partial(_repeating, line=line, n=n)
     return Shape(line.at, how, place.row(n), columns, again)
 
@@ -314,14 +309,14 @@ def _surplus(one: Gained) -> float:
 
 
 def alone(fitted: Fitted, experiments: Sequence[Experiment], family: Family) -> float:
-    """Cost of the model without such a force, settled as often as one with it."""
+    """Cost of the model without such a force, fitted for as many turns as one with a force."""
     return fitted_in_turn(experiments, fitted.model, fitted.x, family, TURNS, ROUNDS)[0]
 
 
 def _if_followed(
     view: Problem, fitted: Fitted, one: Gained, base: float, family: Family
 ) -> Forced | None:
-    """As `_with_force`; None where no observer follows the recording with that force."""
+    """As `_with_force`; None if no observer can follow the recording with that force."""
     with suppress(NoObserver):
         return _with_force(view, fitted, one, base, family)
     return None
@@ -330,7 +325,7 @@ def _if_followed(
 def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family: Family) -> Forced:
     """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
 
-    view, fitted: where the strengths were found; family: of the noise in the first round.
+    view, fitted: for which the strengths were found; family: of the noise in the first round.
     """
     found, strength, shape = np.inf, one.strength, one.shape
     ratio, model = view.observer.ratio, fitted.model
@@ -364,7 +359,7 @@ def _refuse_overflow(shape: Shape) -> None:
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
-    """Every shape, with strengths and its gain in chi-square with this observer."""
+    """Every shape, with its best strengths and gain in chi-square with this observer."""
     n = fitted.model.acting(fitted.x).chain.masses.size
     off = Complement(fitted.jacobian)
     return [
@@ -378,7 +373,7 @@ def _solved(
 ) -> tuple[Floats, float]:
     """Return the strengths that explain most beyond the refit, and the chi-square gained.
 
-    None of it if the model answers the force with an overflow.
+    Both are zero if the model overflows under the force.
     """
     left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
     if not np.isfinite(matrix).all():
@@ -387,14 +382,14 @@ def _solved(
     size[size == 0.0] = 1.0
     solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
     if place_at(shape.place).kind == "link" and shape.follows in STATES:
-        # Bins add up to one, and a constant force on a link is another beginning and nothing else.
+        # Bins add up to one, and a constant force in a link only changes the initial state.
         solved -= float(np.mean(np.concatenate(shape.columns) @ solved))
     gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
     return np.asarray(solved, dtype=np.float64), gained
 
 
 def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape) -> Floats:
-    """Orthogonal to the refit, one column for each unknown."""
+    """The signatures of the unknowns, orthogonal to the refit, as columns."""
     answer = _answer(problem, fitted, shape)
     return np.column_stack(
         [
@@ -405,7 +400,7 @@ def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape)
 
 
 def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
-    """The change of the model's parameters with the force, to first order."""
+    """The change of the model's x with the force, to first order, at most `FARTHEST`."""
     whole = [c @ one.strength for c in one.shape.columns]
     signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
     way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
@@ -439,7 +434,7 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             values = [state_of(e, m, state) for e, m in pairs]
             edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
             last = edges.size - 2
-            if last < 0:  # a state that never changes (no command) tells nothing
+            if last < 0:  # a state that never changes (no command)
                 continue
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
             binned = [np.eye(last + 1, dtype=np.bool_)[b] for b in bins]
@@ -450,7 +445,7 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             yield Shape(place, CUBE, ends, cubes, _same(place, CUBE, n))
         for name, q in factors(place, states, n, problem.experiments[0].period).items():
             if name != "1":
-                follows = f"a drift times {name}"
+                follows = f"{name} times a slow drift"
                 drifting = [_drifting(one) for one in q]
                 yield Shape(place, follows, ends, drifting, _same(place, follows, n))
 
@@ -464,7 +459,7 @@ def _same(place: str, follows: str, n: int) -> Callable[[Problem, Fitted], Shape
 
 
 def _settled(q: Floats) -> Floats:
-    """The same without a spike while the observer settles."""
+    """Return q with zeros while the observer settles."""
     return np.where(np.arange(q.size) < SETTLING + 5, 0.0, q)
 
 

@@ -1,22 +1,21 @@
-"""Regression of the motion of a roughly known device on its command.
+"""Regression of the motion of an approximately known device on its command.
 
 One step ahead, the prediction of a linear device is linear in its command. Let s be a scale of the
-command, n the number of samples by which it acts earlier than recorded, and d the relative errors
-of masses, springs and dampers. Then
+command, n the number of samples by which the command acts earlier than recorded, and d the relative
+errors of masses, springs and dampers. Then
 
     e(s, n, d) = y + s u_n + sum_i d_i (y_i' + s u_in'),
 
 where y are the innovations of the measurement without any command, u_n those of the command alone,
-advanced by n samples (the device does not depend on time), and y' and u' their slopes. Forces that
-are common and in no device file are added, with the sign that they have in nature: on each mass
-viscous, dry and quadratic drag that resist, a spring that holds, a constant force. What remains of
-e, with an s or an n and without, shows what drives the device.
+advanced by n samples (the device does not depend on time), and y' and u' their slopes. Common
+forces that are in no device file are added, with their natural sign: on each mass viscous, dry and
+quadratic drag, and on the first a spring and a constant force. The remainder of e, with and without
+an s or an n, shows what drives the device.
 
-The product s d makes this an alternating regression: first s without d, then d at the s before. A
-device that is off (s = 0) does not answer to a command at all, which a regression about s = 1 does
-not represent: there a wrong mass would compensate a command that is a thousand times too large. For
-a rigid body s and 1 - d are one factor; so d has a narrow prior, which assigns to s what either
-explains.
+The product s d makes this an alternating regression: first s without d, then s and d with s d at
+the last s. A regression about s = 1 would not represent a device that is off (s = 0), and a wrong
+mass would compensate a command that is a thousand times too large. For a rigid body s and 1 - d are
+one factor; so d has a narrow prior, and s explains as much as possible.
 """
 
 from collections.abc import Sequence
@@ -41,14 +40,14 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 LINEAR = ("masses", "link_springs", "ground_dampers", "link_dampers")
-STEP = 0.2  # share of a linear parameter by which its slope is told
+STEP = 0.2  # share of a linear parameter over which its slope is computed
 LEAST, MORE = -0.5, 1.0  # share by which a linear parameter may be off
-WIDTH = 0.02  # of it: its deviation, narrow, so that what either explains goes to the scale
+WIDTH = 0.02  # prior deviation of this share, narrow so that the scale explains more
 TURNS = 0.1  # of the rms velocity, over which dry friction changes its sign
 ROUNDS = 3  # of the scale beside the shares
 LOOKED_AT = 20_000  # ticks
-RATIOS = (1e-4, 1e-2)  # of two observers that look differently far ahead
-FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whatever the device
+RATIOS = (1e-4, 1e-2)  # of two observers with different horizons
+FOLLOWING = 1e2  # ratio of the observer for the motion, which hardly trusts the device
 
 
 def unstepped(device: Device) -> Device:
@@ -58,13 +57,13 @@ def unstepped(device: Device) -> Device:
 
 
 def looked_at(e: Experiment) -> Experiment:
-    """Return the part of a recording that suffices to see how it answers its command."""
+    """Return the part of a recording that suffices to see its response to the command."""
     return e.part(0, min(LOOKED_AT, e.ticks))
 
 
 def motion(device: Device, e: Experiment) -> Floats | None:
     """Return the motion of the masses (ticks, 2n), None if not finite or without an observer."""
-    # Of sizes that no number holds nothing is told.
+    # Values that overflow give no result.
     with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
         moved = followed(device, e, observer_near(device, e, FOLLOWING))
         return moved if np.all(np.isfinite(moved)) else None
@@ -72,7 +71,7 @@ def motion(device: Device, e: Experiment) -> Floats | None:
 
 
 def resisting(moved: Floats) -> list[Floats]:
-    """Forces (ticks, n) of unit size that resist or hold, for a motion (ticks, 2n)."""
+    """Return forces (ticks, n) of unit size that resist or hold a motion (ticks, 2n)."""
     n = moved.shape[1] // 2
     found: list[Floats] = []
     for mass in range(n):
@@ -99,11 +98,11 @@ class Left:
 
 
 class Answering:
-    """A recording with one observer.
+    """The regression for a recording with one observer.
 
-    resists: forces (ticks, n) with a known sign; free: those of either sign. margin: samples by
-    which a command may act earlier or later. Raises NoObserver if there is none. For a column that
-    is not `usable`, because its numbers are not finite, the result has no meaning.
+    resists: forces (ticks, n) with a known sign; free: forces of either sign. margin: samples by
+    which a command may act earlier or later. Raises NoObserver if none is possible. Results are
+    meaningless unless `usable` (all columns are finite).
     """
 
     def __init__(
@@ -157,10 +156,7 @@ class Answering:
         return self._flat(self.command, earlier)
 
     def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
-        """Return the remainder with the command scaled and advanced by so many samples.
-
-        scale: None for the one of least error, from `lowest` on.
-        """
+        """Return the remainder for a scale (None: the best from `lowest` on) and an advance."""
         own, drives = self._flat(self.own), self._flat(self.command, earlier)
         if scale is not None:
             columns = self._columns(scale, earlier)
@@ -178,7 +174,7 @@ class Answering:
     def _solved(
         self, columns: Floats, own: Floats, least: Floats, most: Floats
     ) -> tuple[Floats, Floats]:
-        """Solve as `_bounded` does, with the prior of the shares in units of the remainder."""
+        """Solve like `_bounded`, with the prior of the shares in units of the remainder."""
         count = len(self.slopes)
         known = columns.shape[1] - count
         first = _bounded(columns, own, least, most, np.zeros(known + count))
@@ -211,10 +207,7 @@ def _off(device: Device) -> list[Device]:
 def _bounded(
     columns: Floats, own: Floats, least: Floats, most: Floats, prior: Floats
 ) -> tuple[Floats, Floats]:
-    """Return z within bounds that minimises own + columns z, and the remainder.
-
-    In the mean square, plus prior times z squared.
-    """
+    """Return z in bounds that minimises mean (own + columns z)^2 + prior z^2, and the remainder."""
     size = np.sqrt(np.maximum(np.mean(columns**2, axis=0), 1e-300))
     unit = columns / size
     square = unit.T @ unit / own.size + np.diag(1e-10 + prior / size**2)

@@ -4,19 +4,19 @@
     = 0 means unfiltered.
 
 Used as a velocity with white noise, such a channel has little information: its error is that of a
-differenced position, so what it says about slow motion is lost. But (v_k - a v_(k-1)) T / (1 - a) s
-is whole in every sample, which does not happen by chance. So s and a are found to all digits, and
-the sum of c_k is the encoder's reading, exact except for its start.
+differenced position, so its information about slow motion is lost. But (v_k - a v_(k-1)) T / (1 -
+a) s is whole in every sample, which does not happen by chance. So s and a are found to all digits,
+and the sum of c_k is the encoder's reading, exact except for its start.
 
-The step is the device file's, or that of the values themselves. The filter's a comes from the ratio
-v_k / v_(k-1) while the encoder stands still, or, with the step known, is the a for which all c_k
-are whole. A velocity that a drive measures by its own clock, or rounds to steps of a velocity, is
-no difference of a position. So a step that is not in the device file must have errors that
-alternate from sample to sample, as differences of a position have.
+The step is that of the device file or of the values themselves. The filter's a is the ratio v_k /
+v_(k-1) while the encoder stands still, or, if the step is known, the a for which all c_k are whole.
+A velocity that a drive measures by its own clock, or rounds to steps of a velocity, is not a
+difference of a position. So a step that is not in the device file must have errors that alternate
+from sample to sample, like differences of a position.
 
-Limits: such a position has its own unknown origin in every recording. For two masses the difference
-of the origins is a constant stretch of their link, which two constant forces would also cause; it
-is a parameter of its own (`open_zeros`). Filters of higher order, and means, are left as they are.
+Limits: such a position has an unknown origin in every recording. For two masses the difference of
+the origins is a constant stretch of their link, which two constant forces would also cause; it
+becomes a parameter (`open_zeros`). Filters of higher order, and means, are not converted back.
 """
 
 from collections.abc import Sequence
@@ -32,25 +32,25 @@ from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-FEW = 400  # samples that tell a filter
-FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # as dense as a whole number's neighbours ask
-STANDS = 0.03  # share of the samples in which an encoder that stands shows its filter
-ALIKE = 1e-6  # relative difference of ratios that are the same
-WRITTEN = 1e-3  # of the largest value, by which those of one count differ once unfiltered
+FEW = 400  # samples from which a filter is found
+FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # dense enough to separate whole numbers
+STANDS = 0.03  # share of the samples that must show the filter of a still encoder
+ALIKE = 1e-6  # relative difference of equal ratios
+WRITTEN = 1e-3  # of the range, by which unfiltered values of one count may differ
 MOST = 1e5  # counts per sample: more leave no digit for a whole number
-SMOOTHED = (9, 3)  # samples and order of what is taken for motion
-FAST = 50.0  # counts per sample, from which motion hides how errors turn
-STILL = 0.5  # share of the samples without a count, from which motion is too slow to show it
-FEWEST = 3.0  # counts, that any sample may stand out by
-ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
+SMOOTHED = (9, 3)  # samples and order of the smoothing that gives the motion
+FAST = 50.0  # counts per sample, above which motion hides whether errors alternate
+STILL = 0.5  # share of the samples without a count, above which motion is too slow to show it
+FEWEST = 3.0  # counts by which any sample may stand out
+ALONE = 10.0  # rms errors, beyond which a sample is a fault
 
 
 @dataclass(frozen=True)
 class Counted:
     """A position counted in steps, and the filter of the velocity from which it was found.
 
-    known: whether both the device file's step and the counts confirm it. turned, size: correlation
-    of its errors from sample to sample, and their square.
+    known: whether the device file's step confirms the counts. turned, size: sums of products of
+    neighbouring errors, and of squared errors.
     """
 
     position: Floats
@@ -61,18 +61,18 @@ class Counted:
     size: float
 
     def cutoff_hz(self, period: float) -> float:
-        """Return the cut-off of the filter, infinite for none."""
+        """Return the cut-off frequency of the filter, infinite for none."""
         if self.feedback == 0.0:
             return float("inf")
         return float(-np.log(self.feedback) / (2.0 * np.pi * period))
 
 
 def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings with the positions from which velocities of all of them were computed.
+    """Return recordings with the counted positions in place of velocities computed from them.
 
-    The notes of each recording name what was read in this way. Several recordings are only
-    converted if nothing in the device depends on position, since each would have an origin of its
-    own.
+    Notes list the converted channels. A velocity must be convertible in all recordings. Several
+    recordings are only converted if nothing in the device depends on position, since each would
+    have its own origin.
     """
     if not experiments or (len(experiments) > 1 and _placed(device)):
         return list(experiments)
@@ -91,9 +91,9 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
 
 
 def open_zeros(device: Device, experiments: Sequence[Experiment]) -> Device:
-    """Return the device whose zeros are free where positions were counted.
+    """Return the device with free zeros of sensors if positions were counted.
 
-    The stretch of a link at the beginning of a recording is taken as about that of later on.
+    The initial stretch of a link is assumed to be about as large as later.
     """
     apart = [device.uncertainty.zeros]
     for e in experiments:
@@ -129,7 +129,7 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
 
 
 def _placed(device: Device) -> bool:
-    """Whether a device that is moved as a whole moves differently."""
+    """Whether the motion of a device depends on its position as a whole."""
     forces = (p for p in device.physics if p.effect.hook in ("force", "sensor"))
     return device.chain.ground_spring != 0.0 or any(forces)
 
@@ -154,23 +154,23 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
     for unit, a in tries:
         counts = _unfiltered(v, a)[1:] / unit
         whole = np.round(counts)
-        # One count too many would be a step of the position for ever.
+        # A wrong count would be a permanent step of the position.
         if (
             np.abs(whole).max() > MOST
             or np.abs(counts - whole).max() > INTAKE.whole
             or _spiked(whole)
         ):
             continue
-        # Noise that a tachometer is rounded finer than leaves no count where it is.
+        # A tachometer with noise above its rounding has few samples without a count.
         tells = np.abs(whole).max() > FAST or float(np.mean(whole == 0.0)) > STILL
         vouched = stated > 0.0 and _alike([unit, stated]) and tells
         if np.gcd.reduce(whole.astype(np.int64)) == 1:
             step = unit * e.period
-            reading = np.concatenate([[0.0], np.cumsum(whole)])  # where it began, nothing tells
+            reading = np.concatenate([[0.0], np.cumsum(whole)])  # the origin is unknown
             error = whole - savgol_filter(whole, *SMOOTHED)
             turned, size = float(error[1:] @ error[:-1]), float(error @ error)
             return Counted(step * reading, step, a, vouched, turned, size)
-        if a == 0.0:  # whole as they are, and so whatever they are filtered by in halves or thirds
+        if a == 0.0:  # whole as they are, so any filter by halves or thirds would fit too
             return None
     return None
 
@@ -181,7 +181,7 @@ def _unfiltered(v: Floats, feedback: float) -> Floats:
 
 
 def _where_it_stands(v: Floats) -> float | None:
-    """The ratio that neighbouring samples have again and again, None for none."""
+    """The ratio that neighbouring samples have repeatedly, None for none."""
     large = np.abs(v[:-1]) > 1e-3 * np.abs(v).max()
     ratios = np.sort(v[1:][large] / v[:-1][large])
     ratios = ratios[(ratios > 1.0 - FILTERS.max()) & (ratios < FILTERS.max())]
@@ -220,10 +220,7 @@ def _spiked(counts: Floats) -> bool:
 
 
 def _turning(each: Sequence[Counted]) -> bool:
-    """Whether errors alternate from sample to sample, as those of a differenced position do.
-
-    Those of all recordings together, since fast motion hides it in one of them.
-    """
+    """Whether errors of all recordings alternate as in a differenced position."""
     told = [c for c in each if not c.known]
     size = sum(c.size for c in told)
     return not told or (size > 0.0 and sum(c.turned for c in told) / size < INTAKE.turning)

@@ -1,16 +1,15 @@
-"""Velocities computed from the positions of the same recording: not a second measurement.
+"""Detects velocities computed from positions of the same recording, and leaves them out.
 
     v_k = a_1 v_(k-1) + a_2 v_(k-2) + sum_j b_j (p_(k-j) - p_(k-j-1)) + e_k,    j = -LEAD ... LAG,
 
 by least squares. If the velocity has noise of its own, e is at least that noise. If it was computed
-from p (differences, central ones, moving means, filters of first and second order), e is the last
-digit that was written. Treated as a second measurement, its noise would be the encoder's once more:
-for a filter of two measurements of independent noise such a pair is nearly exact, and the physics
-is taken for a disturbance (of friction at 340 sigma, 8 were left).
+from p (by differences, central ones, moving means, filters of first and second order), e is the
+last digit that was written. As a second measurement it would repeat the encoder's noise: an
+observer that assumes independent noise treats such a pair as nearly exact, and the physics as
+disturbance (of friction at 340 sigma, 8 were left).
 
 A velocity counts as computed if e is far below the roughness of v, and if the same filter run on p
-alone, without any v, still gives v. (An oscillation predicts itself with two coefficients of its
-own.)
+alone, without any v, still gives v. (An oscillation predicts itself by its own last two values.)
 """
 
 from collections.abc import Sequence
@@ -24,17 +23,14 @@ from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.settings import INTAKE
 
 Floats = NDArray[np.float64]
-LEAD, LAG = 8, 16  # samples: of central differences and smoothing, of moving means
+LEAD, LAG = 8, 16  # samples: for central differences and smoothing, and for moving means
 FEEDBACK = 2
-FOLLOWED = 1e-3  # of v, that the filter run alone errs
-FORGOTTEN = 200  # samples after which a filter has forgotten how it began
+FOLLOWED = 1e-3  # of v: largest error of the filter run alone
+FORGOTTEN = 200  # samples after which a filter has forgotten its start
 
 
 def measured_alone(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Return recordings without velocities that all of them computed from a position.
-
-    The notes of each recording name what is left out.
-    """
+    """Return recordings without velocities that were computed from a position in all of them."""
     shared = [o for o in experiments[0].outputs if all(o in e.outputs for e in experiments)]
     gone = [
         o
@@ -60,7 +56,7 @@ def _without(e: Experiment, gone: Sequence[Output]) -> Experiment:
 
 
 def _worked_out(e: Experiment, velocity: Output) -> bool:
-    """Whether a velocity of a recording is its position at the same mass, filtered."""
+    """Whether a velocity is the filtered position of the same mass."""
     p = e.measured[:, e.outputs.index(Output("position", velocity.mass))]
     v = e.measured[:, e.outputs.index(velocity)]
     steps = np.diff(p, prepend=p[0]) / e.period

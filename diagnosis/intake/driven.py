@@ -1,15 +1,15 @@
 """The scale of the command, estimated from the motion that it causes.
 
-The scale is that of a regression (`intake.answering`) that includes drag, friction and device
-parameters that are wrong by up to a half or a factor of two; without these, everything that the
-file lacks would change the scale. Drag on a mass is a force in phase with the motion, and so with
-the command. A fault is only reported if no such device could move so under the recorded command.
+The scale comes from a regression (`intake.answering`) that allows drag, friction and device
+parameters that are wrong by up to a half or a factor of two, which would otherwise change the
+scale: drag on a mass is a force in phase with the motion, and so with the command. A fault is only
+reported if no such device could move as recorded under the command.
 
-Observers with several horizons are tried, and the one under which the command explains most
-decides, unless another shows more clearly that the command is too large. Observers with a very
-short horizon see little but noise; if a feedback has put that noise into the command, both are
-correlated, and the scale comes out tens of times too large. So a scale that is clear and within the
-tolerance of a device file has precedence over a larger one.
+Observers with several horizons are tried, and the one with which the command explains most decides,
+unless another shows more clearly that the command is too large. With a very short horizon there is
+little but noise; if a feedback has put that noise into the command, the scale comes out tens of
+times too large. So a clear scale within the tolerance of a device file has precedence over a larger
+one.
 """
 
 from collections.abc import Sequence
@@ -31,9 +31,9 @@ SMALLEST = 1e-3  # scale of a command that is known to drive forward
 
 @dataclass(frozen=True)
 class Driven:
-    """scale: of the command that explains a motion best.
+    """The scale of the command that explains a motion best.
 
-    gained: -2 ln likelihood over the command as it is; better: the same as a factor of the rms
+    gained: -2 ln likelihood over the command as it is; better: this gain as a factor of the rms
     error. told: -2 ln likelihood over no command at all.
     """
 
@@ -44,10 +44,7 @@ class Driven:
 
 
 def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | None:
-    """Return the factor by which a device seems driven, None if nothing can be compared.
-
-    forward: whether the sign of its command is known to be right.
-    """
+    """Return how a device seems driven, or None; forward: whether the command's sign is right."""
     bare = device.bare().with_interface(encoder_step=0.0, command_step=0.0)
     e = looked_at(e)
     moved = motion(bare, e)
@@ -64,8 +61,8 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
         clear = [d for d in found if d.scale > 0.0 and d.told > INTAKE.clear]
         lowest = min(clear, key=lambda d: d.scale, default=clearest)
         clearest = lowest if lowest.scale < INTAKE.off else clearest
-    # A command that is too large foretells motion that is not there; friction that holds a device
-    # which hardly moves looks like a weak command as well, and leaves as little.
+    # A command that is too large predicts motion that is not there; friction that holds a device
+    # which hardly moves also looks like a weak command, and leaves as small an error.
     weaker = [
         d
         for d in found
@@ -78,14 +75,14 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
 def _under(
     device: Device, e: Experiment, forces: Sequence[Floats], ratio: float, forward: bool
 ) -> Driven | None:
-    """The same with one observer."""
+    """The same for one observer; None if it gives no result."""
     try:
         asked = Answering(device, e, ratio, forces)
         if not asked.usable:
             return None
         free = asked.left(None, lowest=SMALLEST if forward else -np.inf)
         as_is, nothing = asked.left(1.0).square, asked.left(0.0).square
-    except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
+    except (NoObserver, np.linalg.LinAlgError, ValueError):  # also after an overflow
         return None
     if not free.square > 0.0:
         return None

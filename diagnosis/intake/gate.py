@@ -1,15 +1,15 @@
-"""Is the recording itself sound? Faults of the recording are findings of their own.
+"""Checks whether a recording itself is sound; its faults are reported like findings.
 
-Clipping, repeated samples and the observed encoder step are facts. A wrong sign or unit is not:
-strong physics may look like it. So the gate only suspects it (`suspicion`), with the channel and
-the correction, and a search with each reading decides (`intake.readings`).
+Clipping, repeated samples and the observed encoder step are facts. A wrong sign or unit is not,
+since strong physics may look like one. So the gate only suspects it (`suspicion`), with the channel
+and the correction, and a search with each reading decides (`take_in.readings`).
 
 A recording is suspected if its command takes energy out of the device, which no passive device can
-give, or if the device seems driven several times more or less than the command says (`driven`).
+supply, or if the device seems driven several times more or less than by the command (`driven`).
 Each output is tested alone. If one output is suspect and another is not, that output is at fault.
-If all are, the command is suspected first, and then all outputs at once, unless steps of the size
-in the device file confirm an output. A fault belongs to its recording; its correction is not
-applied to others.
+If all are suspect, the command is suspected first, and then all outputs at once, unless steps of
+the size in the device file confirm an output. A fault belongs to its recording; its correction is
+not applied to others.
 """
 
 import math
@@ -24,6 +24,7 @@ from zwidth.diagnosis.intake.driven import Driven, driven
 from zwidth.diagnosis.intake.units import far_off, nearest_unit, sentence, unit_of
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.settings import INTAKE
+from zwidth.shown import Valued
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
@@ -33,11 +34,11 @@ ALIKE_OVER = (1, 4, 16, 64, 256)  # ticks, over which a position and a velocity 
 
 
 @dataclass(frozen=True)
-class Fault:
-    """A finding about a recording. kind: a word; wrong: it makes the recording false as it is.
+class Fault(Valued):
+    """A finding about a recording. kind: a word; wrong: whether the recording is false as it is.
 
-    value: what was seen, by kind; if channels are named, the factor that corrects them. recording:
-    the name of the recording concerned, "" for all.
+    value: its size, by kind; if channels are listed, the factor that corrects them. recording: the
+    name of the recording concerned, "" for all.
     """
 
     kind: str
@@ -49,10 +50,7 @@ class Fault:
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return the facts about recordings; the likeliest suspicion first.
-
-    Steps and repeats are those of the recordings after correction of their own faults.
-    """
+    """Return suspicions about recordings, then facts about the corrected recordings."""
     faults: list[Fault] = []
     for e in experiments:
         wrong = next(iter(suspicion(device, e).ways), ())
@@ -61,14 +59,14 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
 
 
 def oddities(device: Device, e: Experiment) -> list[Fault]:
-    """Return the facts about a recording that need no judgement."""
+    """Return the certain facts about a recording."""
     found = [Fault("recording", note, False, e.begins) for note in e.notes]
     found += _clipped(e) + _output_faults(device, e)
     return [replace(fault, recording=e.name) for fault in found]
 
 
 def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
-    """Return a recording whose channels are corrected for its faults."""
+    """Return a recording with its channels corrected for faults."""
     names = [o.name for o in experiment.outputs]
     for fault in faults:
         if fault.channels == COMMAND:
@@ -103,10 +101,10 @@ def _clipped(e: Experiment) -> list[Fault]:
 
 @dataclass(frozen=True)
 class _Seen:
-    """The factor by which an output seems driven; off: not as the device file has it.
+    """The factor by which an output seems driven; off: whether it contradicts the device file.
 
-    clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
-    better: by which factor the rms error is smaller at that scale than without it, or 1.
+    clear: whether the output shows the command at all; step: the file's step over the observed one,
+    or None. better: factor by which the rms error is smaller with the scale than without, or 1.
     """
 
     scale: float
@@ -117,15 +115,14 @@ class _Seen:
 
     @property
     def counts(self) -> float:
-        """The factor that corrects it: from its steps if it has them, which have no sign."""
+        """The factor that corrects the output: from its steps if it has any, which give no sign."""
         return 1.0 / self.scale if self.step is None else math.copysign(self.step, self.scale)
 
     def certain(self, rotary: bool) -> bool:
-        """Whether it is wrong with any physics: by a sign, or by a unit that is far off.
+        """Whether it is wrong in sign or by a unit that is far off, whatever the physics.
 
-        A correction with which the device file's error is smaller by a factor of `certain`,
-        including drag, friction and parameters that are wrong by half; or one that the steps
-        confirm as well.
+        The correction must make the device file's error smaller by a factor of `certain`, even with
+        drag, friction and parameters that are wrong by half; or the steps must confirm it.
         """
         if self.step is not None and unit_of(self.step) is not None:
             return far_off(self.step, rotary) and _within(self.counts * self.scale, INTAKE.off)
@@ -134,16 +131,16 @@ class _Seen:
 
     @property
     def vouched(self) -> bool:
-        """Whether its steps are those that the device file states."""
+        """Whether its steps confirm the device file's step."""
         return self.step is not None and _within(self.step, 1.1)
 
 
 @dataclass(frozen=True)
 class Suspicion:
-    """Possible corrections, the likeliest first, at most two; none for a sound recording.
+    """Possible corrections, the most likely first, at most two; none for a sound recording.
 
-    Each is a complete correction of the recording. certain: whether a correction is due with any
-    physics; then no search needs to decide.
+    Each is a complete correction of the recording. certain: whether a correction is necessary
+    whatever the physics, so that no search needs to decide.
     """
 
     ways: tuple[tuple[Fault, ...], ...] = ()
@@ -151,7 +148,7 @@ class Suspicion:
 
 
 def suspicion(device: Device, e: Experiment) -> Suspicion:
-    """Return what is suspected of a recording."""
+    """Return the suspected faults of a recording."""
     seen = [_seen(device, e, o) for o in range(len(e.outputs))]
     for one, other in permutations(range(len(seen)), 2):
         if seen[one].off and not seen[other].off and _tell_the_same(e, one, other):
@@ -164,11 +161,10 @@ def suspicion(device: Device, e: Experiment) -> Suspicion:
 
 
 def _tell_the_same(e: Experiment, one: int, other: int) -> bool:
-    """Whether position and velocity of one mass agree, so that neither is read wrong.
+    """Whether position and velocity of one mass agree, so that neither is wrong.
 
-    The regression of the integrated velocity on the travel, and of the travel on it, has a slope of
-    one in both directions, which noise of neither signal causes, whatever physics drives the
-    motion.
+    Regressions of the integrated velocity on the travel, and of the travel on it, must both have a
+    slope near one, which noise cannot cause, whatever the physics.
     """
     outputs = (e.outputs[one], e.outputs[other])
     if outputs[0].mass != outputs[1].mass or outputs[0].quantity == outputs[1].quantity:
@@ -216,9 +212,9 @@ def _common(scales: Sequence[float], rotary: bool) -> float:
 
 
 def _seen(device: Device, e: Experiment, o: int) -> _Seen:
-    """The factor by which one output seems driven.
+    """Find the factor by which one output seems driven.
 
-    A large difference only shows clearly from nearby, so corrections are found one after the other.
+    A large factor only shows clearly from nearby, so corrections are found one after the other.
     """
     alone = replace(e, measured=e.measured[:, [o]].copy(), outputs=(e.outputs[o],))
     taken = _energy_taken(device, alone)
@@ -236,14 +232,14 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
         told = tell()
     shows = told is not None and told.told > INTAKE.clear
     if told is not None and shows and abs(scale) != 1.0 and 0.0 < told.scale < 1.0:
-        scale *= told.scale  # drag and springs have taken a part of it before
+        scale *= told.scale  # drag and springs explained a part of it before
     unclear = scale != 1.0 and told is not None and told.told < INTAKE.clear
-    if unclear or _within(scale, INTAKE.off):  # no command explains it either: no other scale does
+    if unclear or _within(scale, INTAKE.off):  # if no command explains it, no other scale does
         scale = -1.0 if taken < -INTAKE.power else 1.0
     if _within(-scale, INTAKE.sign_off):
         scale = -1.0
-    # What the device file does not claim to know: the scale, or masses, which it stands for. Least
-    # of all one that was fitted to this recording, to a command of the wrong sign for instance.
+    # The device file leaves the scale open, or masses, which are equivalent to it. Most important
+    # for a file that was fitted to this recording, for example with a command of the wrong sign.
     known = device.uncertainty
     open_by = math.exp(INTAKE.left_open * max(known.command_scale, known.masses))
     if 1.0 / open_by <= abs(scale) <= open_by:
@@ -269,11 +265,11 @@ def _doubtful(told: Driven) -> bool:
 
 
 def _energy_taken(device: Device, e: Experiment) -> float:
-    """Energy that a command gives to m1, as a share of the most that it could; 0 of other masses.
+    """Energy that a command gives to m1, as a share of the most that it could; 0 for other masses.
 
-    A held command gives the energy u_k (x_(k+1) - x_k), whatever happens between, so no velocity is
-    needed, whose noise a feedback would have put into the command. The command is taken with the
-    device's delay and one tick more, since a feedback also contains the noise of x_k.
+    A held command gives the energy u_k (x_(k+1) - x_k), so no velocity is needed, whose noise a
+    feedback would have put into the command. The command is delayed by the device's delay and one
+    tick more, since a feedback also contains the noise of x_k.
     """
     if e.outputs[0].mass != 0:
         return 0.0
@@ -287,7 +283,7 @@ def _energy_taken(device: Device, e: Experiment) -> float:
 
 
 def _step_off(device: Device, e: Experiment) -> float | None:
-    """Step of the device file over that of an output, None where either has none."""
+    """Step of the device file over that of an output, None if either has none."""
     stated, seen = device.interface.encoder_step, encoder_step_seen(e.measured[:, 0])
     if not stated > 0.0 or seen is None or e.outputs[0].mass != 0:
         return None
@@ -315,7 +311,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
 
 
 def merged(values: Floats, share: float) -> Floats:
-    """Return levels in order; levels closer than a share of the largest count as one."""
+    """Return levels in order; levels closer than a share of the range count as one."""
     levels = np.unique(values)
     digits = 4.0 * np.finfo(np.float64).eps * float(np.abs(levels).max(initial=0.0))
     apart = np.diff(levels) > share * float(np.ptp(levels)) + digits
@@ -324,10 +320,10 @@ def merged(values: Floats, share: float) -> Floats:
 
 
 def encoder_step_seen(y: Floats) -> float | None:
-    """Return the step of which all values are multiples (up to an offset), None for none.
+    """Return the step of which all values are multiples up to an offset, None for none.
 
-    The smallest difference between distinct values is a multiple of the step. It is the step if all
-    differences are whole multiples of it, and enough of them are one step.
+    The smallest difference of distinct values is the step if all differences are whole multiples of
+    it, and enough of them are one step.
     """
     levels = merged(y, 1e-9)  # by which rounding puts equal values apart
     if levels.size < 3:

@@ -14,19 +14,19 @@ from zwidth.sim.device import Device
 from zwidth.sim.smooth_command import held_for
 
 Floats = NDArray[np.float64]
-UPPER_BAND = 0.4  # of the sampling frequency; a smooth signal has next to nothing above
+UPPER_BAND = 0.4  # of the sampling frequency; a smooth signal has hardly any power above
 SHARE_ABOVE = 1e-3
 
 
 def smooth(experiment: Experiment) -> Experiment:
-    """Return the recording with the command whose hold acts like the smooth signal."""
+    """Return the recording with a command that, when held, acts like the smooth signal."""
     return replace(experiment, command=held_for(experiment.command))
 
 
 def was_smooth(device: Device, experiment: Experiment) -> float | None:
     """Return the factor by which a smooth command explains the motion better, None if it does not.
 
-    Judged by the device's own prediction, so it needs a command with power at high frequency.
+    None if the command has power at high frequency, or no observer is possible.
     """
     power = np.abs(np.fft.rfft(experiment.command - experiment.command.mean())) ** 2
     above = np.fft.rfftfreq(experiment.ticks) > UPPER_BAND

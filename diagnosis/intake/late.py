@@ -1,21 +1,21 @@
 """Detects a command that is recorded at another time than it acts.
 
 A logger that stamps a command when it receives it, and a motion when it was measured, shifts the
-command by some samples. A regression finds this (`intake.answering`): the motion answers the
-command n samples earlier, with any scale, drag, friction and a device file that is wrong by half.
-If the motion comes before its command (n > 0) the recording is wrong, since no device moves before
-it is driven. If it comes later than the device file says (n < 0), this may be physics
-(`loop_delay`, `actuator_lag`) and is only reported.
+command by some samples. A regression finds such a shift by n samples (`intake.answering`), with any
+scale, drag, friction and a device file that is wrong by half. If the motion comes before its
+command (n > 0) the recording is wrong, since no device moves before it is driven. If it comes later
+than according to the device file (n < 0), the cause may be physics (`loop_delay`, `actuator_lag`),
+and the shift is only reported.
 
 Errors of a device file shift n by a sample or more, the more the longer the horizon of the
 observer. So two observers with different horizons must both find a shift, within a third of each
 other, and the smaller one counts; only a true shift is the same for both. A shift is accepted if it
 makes the errors 1.5 times smaller, or if both observers find more than a sample and one is five
 sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. The
-scale is free, since device files do not know it well. Its sign is not free: a feedback predicts
-later measurements, but with the opposite sign, u = -K y.
+scale is free, since device files give it inaccurately, but not its sign: a feedback predicts later
+measurements, with the opposite sign, u = -K y.
 
-It was tested on faults put into recordings of machines: docs/machines/README.md.
+Tests on faults put into recordings of machines: docs/machines/README.md.
 """
 
 import math
@@ -44,11 +44,11 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 EARLY = "command_early"
-MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
+MOST_S, MOST = 0.2, 100  # largest shift of a command, in s and in samples
 
 
 def shifted_by(device: Device, e: Experiment) -> int:
-    """Return by how many samples a command is late, below 0 for early, 0 if none shows."""
+    """Return by how many samples a command is late, negative for early, 0 if no shift is clear."""
     part = looked_at(e)
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
@@ -58,13 +58,13 @@ def shifted_by(device: Device, e: Experiment) -> int:
     if moved is None:
         return 0
     turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])] if device.rotary else []
-    hangs = [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]  # far from where it hangs
+    hangs = [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]  # gravity of a pendulum
     known: list[Shift] = []
     for ratio in RATIOS:
         try:
             asked = Answering(bare, part, ratio, resisting(moved), hangs, most)
             shift = _under(asked, most) if asked.usable else None
-        except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
+        except (NoObserver, np.linalg.LinAlgError, ValueError):  # also after an overflow
             continue
         known += [shift] if shift is not None and shift.gained > INTAKE.known else []
     if len(known) < len(RATIOS):
@@ -79,8 +79,8 @@ def shifted_by(device: Device, e: Experiment) -> int:
 class Shift:
     """The delay of a command in samples, and its evidence.
 
-    gained: decrease of -2 ln likelihood; better: the same as a factor of the rms error; sigma: by
-    blocks.
+    gained: decrease of -2 ln likelihood; better: the same as a factor of the rms error; sigma:
+    significance by blocks.
     """
 
     samples: int
@@ -89,10 +89,7 @@ class Shift:
     sigma: float
 
     def sure(self, most: int, single: bool) -> bool:
-        """Whether it is significant. At the end of the range it is not, as the best may lie beyond.
-
-        single: whether both observers agree on exactly one sample.
-        """
+        """Whether the shift is significant; single: whether both observers found one sample."""
         clear = self.better > INTAKE.better or (not single and self.sigma > VERDICT.apart)
         return 0 < abs(self.samples) < most and self.gained > INTAKE.surely and clear
 
@@ -120,7 +117,7 @@ def _under(asked: Answering, most: int) -> Shift | None:
 
 
 def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
-    """The shift that is better than both its neighbours."""
+    """The shift that is better than both its neighbours, downhill from a first one."""
     here = begin
     while True:
         near = [n for n in (here - 1, here + 1) if -most <= n <= most]
@@ -131,7 +128,7 @@ def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
 
 
 def _screened(asked: Answering, most: int) -> Floats:
-    """Mean squares left (2 most + 1,) by each shift, for a device without errors."""
+    """Remaining mean squares (2 most + 1,) for each shift, with an exact device file."""
     beside = np.linalg.qr(asked.forces)[0]
     own = asked.own_alone()
     own = own - beside @ (beside.T @ own)
@@ -145,14 +142,14 @@ def _screened(asked: Answering, most: int) -> Floats:
 
 
 def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its command when it acts, and what was wrong with it."""
+    """Return a recording with its command at the time when it acts, and the fault if any."""
     n = shifted_by(device, e)
     if n == 0:
         return e, []
     by = f"{abs(n)} sample{'s' if abs(n) > 1 else ''} ({1e3 * abs(n) * e.period:.3g} ms)"
     if n < 0:
         sentence = (
-            f"the motion of {e.name} follows its command {by} later than the device file says: a"
+            f"the motion of {e.name} follows its command {by} later than in the device file: a"
             " delay or a lag of the drive, or the command is logged that much earlier than it acts"
         )
         return e, [Fault(EARLY, sentence, False, float(-n), e.name)]

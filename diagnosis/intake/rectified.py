@@ -1,14 +1,14 @@
 """A sensor that reports absolute values: restores the sign of its readings.
 
-A rectified motion returns from zero with its velocity reversed at once, which no force can do (of a
-velocity: with its acceleration). So each sample takes the sign that continues the motion: z_k = s_k
-y_k is nearest to the extrapolation of the last samples. Then signs and a linear system between
-command and z are fitted in turn, and the whole takes the sign under which the nominal device
-predicts it better, with the observer that predicts it best. The result is used if it is better than
+A rectified position returns from zero with its velocity reversed at once, which no force can cause
+(a rectified velocity with its acceleration reversed). So each sample gets the sign that continues
+the motion: z_k = s_k y_k is nearest to the extrapolation of the last samples. Then signs and a
+linear system between command and z are fitted in turn, and the whole gets the sign with which the
+nominal device predicts it better, with the best observer. The result is used if it is better than
 the readings as they are by a factor; or by less but clearly, if the motion stays on either side for
 long (noise about zero changes sides with every sample, and choosing its signs makes it smaller); or
-if the device file says so. Limit: if a motion touches zero more slowly than its noise, both
-continuations are equally good.
+if the device file states such a sensor. Limit: if a motion touches zero more slowly than its noise,
+both continuations are equally good.
 """
 
 import math
@@ -29,18 +29,18 @@ from zwidth.sim.physics.rectified_sensor import rectified_sensor
 from zwidth.sim.signs import likeliest_signs
 
 Floats = NDArray[np.float64]
-STAYS = 10  # ticks on a side, in the mean
-RATIOS = (1e2, 1e4, 1e6)  # of observers that follow the motion whatever the device's errors
-BELOW = 0.02  # of the span, that noise may reach below zero
-BOTH = 0.05  # of the span, that the motion folded out goes to either side of zero at least
+STAYS = 10  # mean number of ticks on a side
+RATIOS = (1e2, 1e4, 1e6)  # of observers that track the motion in spite of errors of the device
+BELOW = 0.02  # of the span: how far noise may reach below zero
+BOTH = 0.05  # of the span: least motion to either side of zero after unfolding
 BACK = (1, 2, 4)  # samples by which the motion is continued
-ORDER = 6  # samples that the linear system remembers, as three masses do
+ORDER = 6  # samples that the linear system remembers: three masses
 TURNS = 30  # of signs and system
 
 
 @dataclass(frozen=True)
 class Unfolded:
-    """The recording with its signs restored, and by which factor its prediction is better."""
+    """The recording with its signs restored, and the factor by which its prediction is better."""
 
     experiment: Experiment
     factor: float
@@ -53,12 +53,12 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     if y.min() < -BELOW * span or y.min() > BELOW * span:  # negative, or never near zero
         return None
     z = folded_out(y, experiment.command)
-    # A motion to one side alone was not folded: turned as a whole, it is a sign, which others tell.
+    # A motion on one side was not folded: its sign as a whole is tested elsewhere.
     if min(float(z.max()), -float(z.min())) < BOTH * span:
         return None
     try:
         before, *turned = _errors(device, experiment, (y, z, -z))
-    except NoObserver:  # then nothing can be compared
+    except NoObserver:
         return None
     after = min(turned)
     if not (np.isfinite(after) and before > after):
@@ -77,13 +77,13 @@ def as_known(device: Device, experiment: Experiment) -> Experiment:
     """Return the recording with its signs restored, for a device whose file has such a sensor."""
     z = folded_out(np.abs(experiment.measured[:, 0]), experiment.command)
     there, turned = np.inf, np.inf
-    with suppress(NoObserver):  # else neither way is known to be the better one
+    with suppress(NoObserver):  # then the better sign is unknown
         there, turned = _errors(device, experiment, (z, -z))
     return replace(_with_first(experiment, -z if turned < there else z), folded=True)
 
 
 def _errors(device: Device, experiment: Experiment, readings: Sequence[Floats]) -> list[float]:
-    """Rms innovation of each way to read the first output; raises NoObserver."""
+    """Rms innovation for each version of the first output; may raise NoObserver."""
     plain = device.bare()
     gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
     found: list[float] = []
@@ -100,10 +100,10 @@ def _with_first(experiment: Experiment, first: Floats) -> Experiment:
 
 
 def folded_out(y: Floats, command: Floats) -> Floats:
-    """Return y with the signs for which it moves as one linear system under a command.
+    """Return y with the signs with which it moves most like a linear system under a command.
 
-    The signs that continue the motion over one, two and four samples are tried, and the ones of
-    least error kept. The sign of the whole may still be wrong.
+    The signs that continue the motion over one, two and four samples are tried, and those of least
+    error kept. The sign of the whole may still be wrong.
     """
     starts = [np.where(continued(y, back) < 0.0, -1.0, 1.0) for back in BACK]
     found = [_consistent(y, command, s) for s in starts] if y.size > 4 * ORDER else []
@@ -114,7 +114,7 @@ def folded_out(y: Floats, command: Floats) -> Floats:
 
 
 def continued(y: Floats, back: int) -> Floats:
-    """Return y with the signs that continue its motion over so many samples."""
+    """Return y with the signs that continue its motion over `back` samples."""
     z = y.copy()
     for k in range(back + 1, y.size):
         ahead = z[k - 1] + (z[k - 1] - z[k - 1 - back]) / back
@@ -126,7 +126,7 @@ def continued(y: Floats, back: int) -> Floats:
 def _consistent(y: Floats, command: Floats, signs: Floats) -> tuple[Floats, float]:
     """Return signs that a linear system fitted to them predicts best, and its square error.
 
-    Alternately: the system by least squares, and the likeliest signs under it (`sim.signs`).
+    Alternates between the system, by least squares, and its most likely signs (`sim.signs`).
     """
     error = np.inf
     for _ in range(TURNS):

@@ -2,15 +2,15 @@
 
 Two outputs of one quantity at two masses are exchanged if the device file then predicts them much
 better (a device file may be wrong by half in every number). A command in place of a motion jumps as
-nothing with a mass can, and the motion in its place drives it. With drag, friction and errors of
-the device file (`intake.answering`), and with u and y exchanged and any scale,
+no mass can, and seems driven by the motion in place of the command. With drag, friction and errors
+of the device file (`intake.answering`), and with u and y exchanged and any scale,
 
     the share of the squares of e that remains with the command, over the share without any command,
 
-is then less than half of its value as described. A command of one tone shows nothing, since each of
-two sines is the other, scaled and delayed. (Less than two periods are no tone.) A drive that was
-switched off in between shows nothing either. Outputs are exchanged automatically; a command and a
-motion are not, since each was converted with the other's unit.
+is then less than half of its value as described. A command of one tone (of at least two periods)
+shows nothing, since each of two sines is the other, scaled and delayed, nor does a drive that was
+switched off in between. Outputs are exchanged automatically; a command and a motion are not, since
+each was converted with the other's unit.
 """
 
 import itertools
@@ -43,15 +43,15 @@ EXCHANGED = "command_exchanged"
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its columns put right, and what was wrong with them."""
+    """Return a recording with its columns in the right order, and the faults."""
     bare, part = unstepped(device), looked_at(e)
-    with np.errstate(all="ignore"):  # of sizes that no square holds nothing is told
+    with np.errstate(all="ignore"):  # squares may overflow
         held = np.sum(part.measured**2), np.sum(part.command**2)
     if not np.all(np.isfinite(held)):
         return e, []
-    # First of all: outputs beside a command that stands for one of them look exchanged as well.
-    # Of several that would drive the command, since each also moves the others, the one by which
-    # it is explained best.
+    # This comes first: outputs also look exchanged if the command is exchanged with one of them.
+    # Each output that seems to drive the command also moves the others, so the one is chosen that
+    # explains it best.
     leaves = [_left_by_motion(bare, part, o) for o in range(len(e.outputs))]
     if min(leaves) < INTAKE.half:
         output = e.outputs[int(np.argmin(leaves))]
@@ -81,7 +81,7 @@ def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
     order[a], order[b] = b, a
     other = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
     most, best = _gains(device, (e, other), (a, b))
-    # A wrong unit of one of the two makes the other way round look better; their shapes do not.
+    # A wrong unit of one output also makes the exchange look better, but not with equal sizes.
     alike = min(_gains(device, (_evened(e, a, b), _evened(other, a, b)), (a, b)))
     surely = 2.0 * 2.0 * (e.ticks - SETTLING) * best > INTAKE.surely
     return min(most, best) > math.log(INTAKE.exchanged) and alike > 0.0 and surely
@@ -90,10 +90,10 @@ def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
 def _gains(
     device: Device, both: tuple[Experiment, Experiment], outputs: Sequence[int]
 ) -> tuple[float, float]:
-    """By how much the second of two errs less than the first, in mean log rms innovation.
+    """By how much the second of two recordings errs less, in mean log rms innovation.
 
-    The first under the observer that makes it largest, each other under its best; 0 if no observer
-    follows both.
+    The first value is with the observer that makes it largest, the second with the best observer
+    for each recording; 0 if no observer can follow both.
     """
     as_is, turned = (_errors(device, one, outputs) for one in both)
     common = as_is.keys() & turned.keys()
@@ -113,7 +113,7 @@ def _evened(e: Experiment, a: int, b: int) -> Experiment:
 
 
 def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float, float]:
-    """Mean log rms innovation of two outputs, for each observer that follows, by its ratio."""
+    """Mean log rms innovation of two outputs, by the ratio of each possible observer."""
     found: dict[float, float] = {}
     for ratio in (*RATIOS, 1.0):
         try:
@@ -128,10 +128,7 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float
 
 
 def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
-    """Ratio of the unexplained shares with output and command exchanged, and as described.
-
-    1 if it cannot be determined.
-    """
+    """Ratio of the unexplained shares, exchanged over described; 1 if it is unknown."""
     y, u = e.measured[:, o], e.command
     tones = one_tone(u) and (periods(u) >= 2 or one_tone(y, 0.9))
     off = e.strengths is not None and not np.all(e.strengths)
@@ -152,12 +149,12 @@ def one_tone(u: Floats, share: float = INTAKE.tone) -> bool:
     """Whether nearly all of the power of a signal lies in one line."""
     _, power = periodogram(u, window="hann")
     most = int(np.argmax(power))
-    line = slice(max(0, most - 2), most + 3)  # the window's own
+    line = slice(max(0, most - 2), most + 3)  # the width of the window
     return float(power[line].sum()) > share * float(power.sum())
 
 
 def periods(u: Floats) -> int:
-    """How many periods of its strongest line a signal has."""
+    """Return how many periods of its strongest line a signal has."""
     return int(np.argmax(periodogram(u, window="hann")[1]))
 
 

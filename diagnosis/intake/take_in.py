@@ -1,8 +1,8 @@
 """Prepares recordings for the diagnosis: checks, corrects, and leaves out unusable parts.
 
-A wrong sign or unit of a recording is a hypothesis beside physics. The gate lists what is
-suspected; each way to read the recordings (`readings`) is searched for physics, and the one of
-least cost is kept (`likeliest`).
+A wrong sign or unit of a recording is a hypothesis beside physics. For each way to read the
+recordings that the gate suspects (`readings`), physics is searched, and the way of least cost is
+kept (`likeliest`).
 """
 
 import math
@@ -46,13 +46,13 @@ NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Taken:
-    """Complete recordings, the part of each to fit, and what is to judge.
+    """Complete recordings, the part of each to fit, and the held-out recordings that judge.
 
-    faults: what is wrong with them; folded: by which factor they are better unfolded, or 1.
-    whole_unopened: the held-out data are a part of them, and not other recordings. left_out:
-    indices of those that an error prevented. misread: index in fit_on and fault of each correction
-    that another reading does without; doubted: whether a validation recording is suspected. device:
-    of these recordings, with its zeros as free as they require.
+    faults: of all recordings; folded: factor by which their prediction is better unfolded, or 1.
+    whole_unopened: whether the held-out data are a part of these recordings, and not others.
+    left_out: indices of recordings that an error excluded. misread: index in fit_on and fault of
+    each correction of this reading; doubted: whether a validation recording is suspected. device:
+    with its zeros as free as the recordings require.
     """
 
     device: Device
@@ -70,10 +70,9 @@ class Taken:
 def take_in(
     device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
 ) -> Taken:
-    """Prepare recordings as they are likeliest to be read, by a quick search of each reading.
+    """Prepare recordings in their most likely reading, by a quick search with each reading.
 
-    Unchanged if an error ended such a search, since its result then says nothing about a reading.
-    Raises as `readings` does.
+    They stay as they are if an error disturbed such a search. Raises as `readings` does.
     """
     refuse_unknown_words(experiments, validate or ())
     every = readings(device, experiments, validate)
@@ -88,7 +87,7 @@ def take_in(
         with collecting(silent) as mishaps:
             before = len(mishaps.of("search"))
             kept = likeliest(every, quick)
-        if len(mishaps.of("search")) == before:  # friction that was not tried reads as a wrong unit
+        if len(mishaps.of("search")) == before:  # an effect not tried may look like a wrong unit
             return judged_anew(*kept)
     return every[0]
 
@@ -96,15 +95,15 @@ def take_in(
 def readings(
     device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
 ) -> list[Taken]:
-    """Return the ways to read recordings: as they are, and at most two others that are suspected.
+    """Return the ways to read recordings: as they are, and at most two suspected others.
 
-    Velocities that were computed from positions are left out (`intake.derived`); those that are an
-    encoder's counts become positions (`intake.counted`). Each recording is unfolded, its exchanged
-    columns are put right (`intake.swapped`), its command is shifted to when it acts
-    (`intake.late`), suspected faults are corrected, and the command is taken as held or smooth. A
-    validation recording is corrected if one of the fit is corrected by the same factor. An error in
-    one of several recordings loses only that one. Raises ExperimentError if the only one cannot be
-    used, and NotDiagnosed if an error leaves none.
+    Velocities that were computed from positions are left out (`intake.derived`); velocities that
+    are an encoder's counts become positions (`intake.counted`). Each recording is unfolded,
+    exchanged columns are put in order (`intake.swapped`), the command is shifted to the time when
+    it acts (`intake.late`), suspected faults are corrected, and the command is read as held or
+    smooth. A validation recording is corrected if a fitted one is corrected by the same factor. An
+    error in one of several recordings excludes only that one. Raises ExperimentError if the only
+    one cannot be used, and NotDiagnosed if an error leaves none.
     """
 
     def looked_at(e: Experiment) -> _Looked:
@@ -112,9 +111,9 @@ def readings(
         found: list[Fault] = []
         with isolated("gate", f"whether columns of {e.name} are exchanged"):
             one, found = in_place(device, one)
-        lost = any(f.kind == EXCHANGED for f in found)  # what reads the one as the other is wrong
+        lost = any(f.kind == EXCHANGED for f in found)  # a command read as a motion
         with isolated("gate", f"whether the command of {e.name} comes late"):
-            # The signs of what was folded out were chosen at the times that are written down.
+            # The signs of an unfolded output were chosen for the command at its recorded times.
             one, late = in_time(device, one) if not (lost or one.folded) else (one, [])
             found += late
         suspect = suspicion(device, one)
@@ -133,7 +132,7 @@ def readings(
     others = _each(judging, looked_at) if judging else []
     looked = [one for _, one in passed]
     certain = any(one.ways for one in looked) and all(one.certain for one in looked if one.ways)
-    if certain:  # there is one way to read them, and what it may be as well is said with it
+    if certain:  # one way to read them; the fault mentions the alternative
         looked = [one.decided() for one in looked]
     ways: list[list[tuple[Fault, ...]]] = [] if certain else [[() for _ in looked]]
     for turn in range(max(len(one.ways) for one in looked)):
@@ -150,10 +149,7 @@ def readings(
 
 @dataclass(frozen=True)
 class _Looked:
-    """A recording with signs restored, the factor gained, facts about it, and suspicions.
-
-    certain: whether the correction is due with any physics.
-    """
+    """A recording as read, the factor gained, facts and suspicions; certain: with any physics."""
 
     experiment: Experiment
     factor: float
@@ -162,7 +158,7 @@ class _Looked:
     certain: bool = False
 
     def decided(self) -> "_Looked":
-        """Return it with the likeliest way alone, and the other channels that may be at fault."""
+        """Return it with only the most likely way, whose faults mention alternatives."""
         if not self.ways:
             return self
         others = [f for way in self.ways[1:] for f in way]
@@ -178,7 +174,7 @@ def _taken(
     whole: bool,
     asked: int,
 ) -> Taken:
-    """Recordings corrected in one way."""
+    """The recordings corrected in one way."""
     same = {(f.channels, f.value) for wrong in way for f in wrong}
     first = [corrected(one.experiment, wrong) for one, wrong in zip(looked, way, strict=True)]
     swing = max(e.swing for e in first)  # one origin for all
@@ -211,7 +207,7 @@ def _taken(
 
 
 def said_once(faults: Sequence[Fault]) -> list[Fault]:
-    """Return faults; of equal ones from stretches of one recording, the largest."""
+    """Return faults; only the largest of equal ones from stretches of one recording."""
     found: dict[tuple[str, str, str], Fault] = {}
     for fault in faults:
         said = (fault.kind, fault.recording, NUMBER.sub("#", fault.sentence))
@@ -221,15 +217,15 @@ def said_once(faults: Sequence[Fault]) -> list[Fault]:
 
 
 def misread_price(taken: Taken) -> float:
-    """Return the cost of a reading besides the cost of its hypothesis, in -2 ln.
+    """Return the cost of a reading in addition to that of its hypothesis, in -2 ln.
 
-    y was measured, and a reading that corrects an output by s predicts z = s y. For n samples
+    A reading that corrects a measured output y by s predicts z = s y. For n samples
 
         p(y) = |s|^n p(z),    -2 ln p(y) = -2 ln p(z) - 2 n ln |s|:
 
-    so the misfit under z grows by 2 n ln |s| because of its larger unit alone, which is subtracted
-    here. The same fault in several recordings counts once; otherwise each has its own odds, and a
-    factor that is no unit is one of the 2 ln 1000 / width that it could have been.
+    so the misfit of z is 2 n ln |s| larger because of its unit alone, which is subtracted here. The
+    same fault in all recordings counts once, otherwise each time; a factor that is no unit is one
+    of 2 ln 1000 / width possible ones.
     """
     price = 0.0
     for place, fault in taken.misread:
@@ -255,9 +251,9 @@ def likeliest(
 ) -> tuple[Taken, Result]:
     """Return the reading of least cost, and the result of the search with it.
 
-    search: gives the cost of the best hypothesis under a reading and what it found, or raises
-    NoObserver, which excludes that reading. Raises NoObserver if no reading is left. If another
-    correction explains the recording equally well, the fault says so.
+    search: returns the cost of the best hypothesis for a reading and its result, or raises
+    NoObserver, which excludes the reading. Raises NoObserver if no reading is left. If another
+    correction explains the recording equally well, the fault mentions it.
     """
     found: list[tuple[float, Taken, Result]] = []
     last: NoObserver | None = None
@@ -272,14 +268,14 @@ def likeliest(
     least = min(cost for cost, _, _ in found)
     least, kept, result = next(
         one for one in found if one[0] <= least + 1.0
-    )  # the first of those that end alike
+    )  # the first of equally good ones
     near = -2.0 * math.log(ALPHA)
     as_good = [t for c, t, _ in found if t is not kept and t.misread and c - least < near]
     return (_with_doubt(kept, as_good) if kept.misread else kept), result
 
 
 def _with_doubt(kept: Taken, as_good: Sequence[Taken]) -> Taken:
-    """Add to each fault which other channel it may be."""
+    """Add to each fault the other channel that may be at fault."""
     others = [f for taken in as_good for _, f in taken.misread]
     misread = tuple((place, _doubted(fault, others)) for place, fault in kept.misread)
     known = {id(old): new for (_, old), (_, new) in zip(kept.misread, misread, strict=True)}
@@ -293,14 +289,16 @@ def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
         return fault
     names = " and ".join(dict.fromkeys(name for f in other for name in f.channels))
     by = f"{other[0].value:.3g}"
-    more = f"; instead {names} may be wrong, by a factor of {by}: the recording cannot tell"
+    more = (
+        f"; or {names} may be wrong instead, by a factor of {by}: the recording cannot tell which"
+    )
     return replace(fault, sentence=fault.sentence + more)
 
 
 def judged_anew(taken: Taken, found: Device) -> Taken:
-    """Correct validation recordings where the device that was found shows what is wrong with them.
+    """Correct validation recordings that are suspect for the device of the search.
 
-    No search sees them, and what the device file alone makes suspicious may be physics.
+    No search uses them, and a suspicion by the device file alone may be due to physics.
     """
     if not taken.doubted:
         return taken
@@ -317,7 +315,7 @@ def judged_anew(taken: Taken, found: Device) -> Taken:
 
 
 def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) -> NotDiagnosed:
-    """Return a diagnosis ended by an error in a stage without which there is no answer."""
+    """Return the exception for an error in a stage without which there is no answer."""
     with collecting(silent) as mishaps:
         sentence = f"nothing can be concluded: {mishaps.keep(stage, '', error).sentence}"
         return NotDiagnosed(Unanswered(sentence, tuple(faults), tuple(mishaps.found)))
@@ -326,7 +324,7 @@ def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) ->
 def _each(
     experiments: Sequence[Experiment], work: Callable[[Experiment], Result]
 ) -> list[tuple[int, Result]]:
-    """The result of work on each recording, by index; an error in one of several loses that one."""
+    """Results of work on recordings, by index; an error in one of several excludes only it."""
     found: list[tuple[int, Result]] = []
     for place, e in enumerate(experiments):
         try:
@@ -352,20 +350,17 @@ def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
 
 
 def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Take a command as smooth between samples if that explains the motion much better.
-
-    Or if the device file says so.
-    """
+    """Read a command as smooth if stated, if a motion is prescribed, or if that is much better."""
     if device.interface.command_hold == "smooth":
         return smooth(e), []
     if e.pushed is not None:
-        said = f"the motion that was prescribed in {e.name} is taken as smooth between its samples"
+        said = f"the prescribed motion of {e.name} is assumed to be smooth between its samples"
         return smooth(e), [Fault("smooth_command", said, False, 1.0, e.name)]
     factor = was_smooth(device, e)
     if factor is None:
         return e, []
     sentence = (
-        f"the command of {e.name} is taken as smooth between its samples, which explains the motion"
-        f" {factor:.3g} times better than a held one"
+        f"the command of {e.name} is assumed to be smooth between its samples, which explains the"
+        f" motion {factor:.3g} times better than a command held constant between them"
     )
     return smooth(e), [Fault("smooth_command", sentence, False, factor, e.name)]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.readable import plain
 
-# Of what a channel is multiplied by to be in the SI.
+# Factors that convert a channel into the SI.
 UNITS = {
     math.pi / 180.0: "degrees",
     180.0 / math.pi: "degrees",
@@ -28,7 +28,7 @@ UNITS = {
     16.0 / 35.27: "pounds",
 }
 ANGLES = "motion in degrees or turns"
-# Those that are mistaken for the SI so often that a factor in their neighbourhood is taken for one.
+# Units that are so often mistaken for the SI that a factor near them counts as this unit.
 TURNING = (math.pi / 180.0, 2.0 * math.pi / 60.0, 1e-3)
 ALONG = (25.4e-3, 1e-2, 1e-3)
 
@@ -40,15 +40,15 @@ def unit_of(factor: float) -> str | None:
 
 
 def asked_unit(factor: float, command: bool) -> str | None:
-    """As `unit_of`; for a command no unit of angles, which only a motion can have."""
+    """Return `unit_of`; for a command, `ANGLES` if the unit is one of angles."""
     unit = unit_of(factor)
     return ANGLES if command and unit in ("degrees", "turns", "turns a minute") else unit
 
 
 def nearest_unit(factor: float, rotary: bool) -> float:
-    """Return the common unit near a factor, 1 for none, or the factor if it is near no unit.
+    """Return the common unit (or 1) near a factor, or the factor itself if it is near none.
 
-    The factor is found from a device file, which may be inaccurate.
+    The factor comes from a device file, which may be inaccurate.
     """
     common = TURNING if rotary else ALONG
     every = [1.0, *common, *(1.0 / u for u in common)]
@@ -79,10 +79,10 @@ def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
             else f"{what} moves against the command: the {sign}"
         )
     times = plain(max(size, 1.0 / size), 3)
-    less = f"{times} times too {'little' if size > 1.0 else 'much'}"
+    less = f"{times} times too {'small' if size > 1.0 else 'large'}"
     sign = ", and with the wrong sign" if factor < 0.0 else ""
     unit = asked_unit(factor, command)
     asked = f"{'are they' if many else 'is it'} in {unit}?"
     asked = "is the motion in degrees or turns?" if command and unit == ANGLES else asked
     ask = f"check the unit and the scale of {entry}" if unit is None else asked
-    return f"{what} count{'' if many else 's'} {less}{sign} (correct by {factor:.3g}): {ask}"
+    return f"{what} {'are' if many else 'is'} {less}{sign} (multiply by {factor:.3g}): {ask}"

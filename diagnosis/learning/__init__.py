@@ -1,1 +1,1 @@
-"""Learns laws where no library effect explains a recording, and finds formulas close to them."""
+"""Learns laws if no library effect explains a recording, and finds formulas close to them."""

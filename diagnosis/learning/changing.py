@@ -1,8 +1,8 @@
-"""Parameters that change in a recording: by a step, drift, settling or following; and when.
+"""Finds parameters that change in a recording (step, drift, settling, dependence), and when.
 
 To first order the residual is r_0 + J d, where J are its slopes by the parameters. If parameter j
-differs by delta g(t) from its value at the end, the corresponding slopes are those of j times g,
-since an observer forgets earlier values after some ticks: c = g J_j. In a joint fit with all d,
+differs by delta g(t) from its value at the end, the corresponding slopes are the slopes by j times
+g, since an observer forgets earlier values after some ticks: c = g J_j. In a joint fit with all d,
 with A = J'J,
 
     S = c'r_0 - c'J A^-1 J'r_0,    V = c'c - c'J A^-1 J'c,    delta = -S / V,    gain = S^2 / V
@@ -10,23 +10,23 @@ with A = J'J,
 in chi-square. So one pass over existing slopes tests every parameter for a step at every time, a
 drift, settling at several rates, a dependence on a recorded quantity (with g that quantity, such as
 a temperature), and one recording unlike the others (a score test: Andrews, Econometrica 61, 1993).
-Another value in every recording is the same test with as many numbers, gain = S' V^-1 S. The change
-with the largest gain is fitted: the recording is cut where it changes, its parts share all
-parameters, and the change is one more (`Model.varying`). Its penalty is that of every number, plus
-how rare changes are and how many were tried.
+A value for each recording is the same test with as many numbers, gain = S' V^-1 S. The change with
+the largest gain is fitted: the recording is cut there, and its parts share all parameters and one
+more, the change (`Model.varying`). Its penalty is that of any parameter, plus how rare changes are
+and how many were tried.
 
-Just after a step an observer that has not yet forgotten predicts less than c, so slopes date the
-step too late, by tens of ticks. So it is dated again: one run switches the parameters at each tick
-around it, with the values fitted before and after. The 95 % interval contains the times that cost
-at most 7.35 more than the best: for a step that is small against its noise, 2 ln of the likelihood
-ratio is distributed as xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
+Just after a step, an observer that has not yet forgotten earlier values shows less than c, so
+slopes date the step tens of ticks late. So the step is dated again: runs switch between the fitted
+values at each tick around it. The 95 % interval contains the times that cost at most 7.35 more than
+the best: for a step that is small against its noise, 2 ln of the likelihood ratio is distributed as
+xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
 
-Limits: a slow change is fitted in `PIECES` parts of a recording, each at its mean, so a quantity
-that varies within a part is followed by its mean alone. One parameter changes at a time (a constant
-force that two parameters hold between them is one: `Effect.holds_constant`), and few times in all.
-A change within `NEAREST` ticks of either end is not seen, nor are two that cancel each other within
-as many. A law that lacks a state which differs between parts of a recording (its level, for
-example) looks like a change; held-out data decide (`answer.changes`).
+Limits: a slow change is fitted in `PIECES` parts of a recording, each with the mean of the change.
+One parameter changes at a time (a constant force between two parameters counts as one:
+`Effect.holds_constant`), and few times in all. A step within `NEAREST` ticks of either end is not
+found, nor are two steps that cancel each other within as many. A missing law over a state that
+differs between parts of a recording (its level, for example) looks like a change; held-out data
+decide (`answer.changes`).
 """
 
 import itertools
@@ -56,15 +56,15 @@ from zwidth.sim.kernel import Memory
 from zwidth.sim.predict import alone
 
 Floats = NDArray[np.float64]
-BLOCKS = 1000  # of which each may be where a step is, at most
+BLOCKS = 1000  # at most, at whose beginnings a step may be
 TICKS = 4  # of a block, at least
-NEAREST = 3 * SETTLING  # to an end, of a change that is asked for
-PIECES = 16  # that a drift is cut into, at most; 8 left a gain of 213 of a drift by 7 %
-SHORTEST = 3 * SETTLING  # of them
-RATES = np.geomspace(0.05, 1.0, 16)  # of all that was recorded, over which something settles
+NEAREST = 3 * SETTLING  # ticks between a step and an end of the recordings, at least
+PIECES = 16  # parts of a drift, at most; 8 left a gain of 213 of a drift by 7 %
+SHORTEST = 3 * SETTLING  # ticks of such a part
+RATES = np.geomspace(0.05, 1.0, 16)  # time constants of settling, over the recorded time
 ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
-WINDOWS = 24  # of which each tells a parameter by itself, for people to see
-DATES, LOOKS = 150, 3  # that are tried there, and how often it may turn out to be at the edge
+WINDOWS = 24  # each gives a parameter by itself, for the report
+DATES, LOOKS = 150, 3  # ticks tried there, and how often the best may be at the edge
 STEP, DRIFT, SETTLES, RUN = "step", "drift", "settling", "run"
 FOLLOWS, EACH = "follows", "each recording"
 SHAPES = (STEP, DRIFT, SETTLES, RUN, FOLLOWS, EACH)
@@ -72,21 +72,21 @@ CUT = (
     STEP,
     RUN,
     EACH,
-)  # which hold in parts of the recordings wholly, and not at all in the others
-FEWEST_RUNS = 3  # of which one may be unlike the others; of two it is a step
+)  # changes that hold in some parts of the recordings, and not in the others
+FEWEST_RUNS = 3  # recordings; one of only two that differs is a step
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """A possible change: of which parameter, of which shape, when.
+    """A possible change of a parameter.
 
-    at: of a step, ticks of all recordings in order; between: its 95 % interval. rate: of settling,
-    in ticks; of a recording unlike the others, where it ends, and `at` where it begins. amount: in
-    x of the parameter. gained: decrease of -2 ln likelihood, divided by phi (`evidence.compared`).
-    price: penalty for having tried so many. rates: of settling, the 95 % interval. covariate: the
-    recorded quantity that it follows: its name, unit, value at the end and span. amounts: if every
-    recording has its own, those of all but the last, for which the fit pays about `freedom`.
-    as_well: other courses of the same parameter that gain as much. against: the parameter that
+    of: the parameter. at: time of a step, in ticks of all recordings in order; between: its 95 %
+    interval. rate: time constant of settling, in ticks; rates: its 95 % interval. For a recording
+    unlike the others, `at` is where it begins and `rate` where it ends. amount: of the change, in
+    x. told: gain and phi (`evidence.compared`). price: penalty for rarity and for having tried so
+    many. covariate: the recorded quantity that the parameter depends on. amounts: if every
+    recording has its own value, the changes of all but the last, for which the fit pays about
+    `freedom`. as_well: other courses of the parameter that gain as much. against: a parameter that
     changes by as much the other way, "" if `of` changes alone.
     """
 
@@ -107,12 +107,12 @@ class Suspect:
 
     @property
     def worth(self) -> float:
-        """Its gain, less all penalties."""
+        """The gain, less all penalties."""
         return self.told.gain - self.price - self.freedom
 
 
 class Followed(NamedTuple):
-    """A quantity that a parameter follows; `origin`: its value at the end of the recording."""
+    """A quantity on which a parameter depends; origin: its value at the end, span: its range."""
 
     name: str
     unit: str
@@ -120,13 +120,13 @@ class Followed(NamedTuple):
     span: float
 
     def share(self, e: Experiment) -> Floats:
-        """Return how much of the change holds at each sample (ticks,)."""
+        """Return the share of the change at each sample (ticks,)."""
         (own,) = (c for c in e.covariates if c.name == self.name)
         return (own.values - self.origin) / self.span
 
 
 class _Way(NamedTuple):
-    """What may change: a parameter alone, or against another; what that does to x (parameters,)."""
+    """A possible change of a parameter, alone or against another, and its direction in x."""
 
     of: str
     against: str
@@ -148,7 +148,7 @@ def _ways(model: Model) -> list[_Way]:
 
 
 class _Sums(NamedTuple):
-    """Of blocks of rows: J'J (blocks, p, p), J'r (blocks, p), where they begin, in ticks of all."""
+    """For blocks of rows: J'J (blocks, p, p), J'r (blocks, p), and the ticks where they begin."""
 
     squares: Floats
     scores: Floats
@@ -173,14 +173,14 @@ def suspected(h: Hypothesis) -> Suspect | None:
         and s.worth > best.worth - EVIDENCE.as_well
     ]
     best = replace(best, as_well=tuple(dict.fromkeys(_course_in_words(s) for s in alike)))
-    # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
+    # A fit is only worth its time if the gain that slopes predict is at least half of the penalty.
     paid = best.price + 2.0 * best.told.phi * math.log(1.0 / EVIDENCE.alpha)
     return best if best.told.gain > 0.5 * paid else None
 
 
 def _course_in_words(s: Suspect) -> str:
     if s.covariate is not None:
-        return f"following {s.covariate.name}"
+        return f"a dependence on {s.covariate.name}"
     return {STEP: "a step", DRIFT: "a drift over time", SETTLES: "settling"}.get(s.shape, s.shape)
 
 
@@ -200,7 +200,7 @@ def _sums(h: Hypothesis) -> _Sums:
             j, r = h.slopes[mine].reshape(-1, p), h.residual[mine]
             squares.append(j.T @ j)
             scores.append(j.T @ r)
-            # What was left out while the observer settled is the first block's.
+            # The ticks in which the observer settled count to the first block.
             begins.append(before + (a + SETTLING if a else 0))
         row, before = row + own, before + e.ticks
     return _Sums(np.array(squares), np.array(scores), np.array(begins, dtype=np.float64), before)
@@ -246,7 +246,7 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
     own = np.einsum("sb,bwj,wj->sw", shares**2, squares, turned)
     score = shares @ sums.scores @ turned.T - mixed @ left
     spread = own - np.einsum("sjk,kl,sjl->sj", mixed, inverse, mixed)
-    known = spread > 1e-6 * own  # else it is what the parameters themselves do
+    known = spread > 1e-6 * own  # else it is a combination of the parameters
     spread = np.where(known, spread, np.inf)
     gained = score**2 / spread
     found: list[Suspect] = []
@@ -258,7 +258,7 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
         told = _told(h, sums, shares[i], way.x)
         within = EVIDENCE.dated if shape == STEP else EVIDENCE.told
         near = np.flatnonzero(gained[:, j] > gained[i, j] - within * told.phi)
-        # Others between them may gain less: an interval holds them, too.
+        # An interval also contains times between these that gain less.
         between = (float(times[near[0]]), float(times[near[-1]])) if shape == STEP else (0.0, 0.0)
         alike = near[-1] - near[0] + 1.0 if shape in (STEP, SETTLES) else 1.0
         choices = times.size / alike
@@ -274,7 +274,7 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
 
 
 def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
-    """What all recordings contain besides the motion that varies."""
+    """The quantities besides the motion that all recordings contain, if they vary."""
     found: list[Followed] = []
     for c in experiments[-1].covariates:
         own = [d for e in experiments for d in e.covariates if d.name == c.name]
@@ -286,7 +286,7 @@ def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
 
 
 def groups(experiments: Sequence[Experiment]) -> list[list[int]]:
-    """Return places of the parts of each recording, by its name."""
+    """Return the indices of the parts of each recording, which share its name."""
     names = list(dict.fromkeys(e.name for e in experiments))
     return [[i for i, e in enumerate(experiments) if e.name == name] for name in names]
 
@@ -298,7 +298,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
     if len(own) < FEWEST_RUNS or any(e.shares for e in h.experiments):
         return []
     ends = np.cumsum([e.ticks for e in h.experiments])
-    of = np.searchsorted(ends, sums.begins, side="right")  # the part that a block is of
+    of = np.searchsorted(ends, sums.begins, side="right")  # the part of each block
     shares = np.array([np.isin(of, which) for which in own[:-1]], dtype=np.float64)
     inverse = np.linalg.pinv(h.slopes.T @ h.slopes, hermitian=True)
     left = inverse @ (h.slopes.T @ h.residual)
@@ -322,7 +322,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
 
 
 def _told(h: Hypothesis, sums: _Sums, share: Floats, way: Floats) -> Compared:
-    """Gain of a change by stretches of the recordings, as the slopes predict it."""
+    """The gain of a change that slopes predict, compared over stretches of the recordings."""
     assert h.slopes is not None
     p, squares = h.x.size, sums.squares @ way
     blocks = np.zeros((share.size, p + 1, p + 1))
@@ -357,10 +357,9 @@ def share_at(suspect: Suspect, tick: float, end: float) -> float:
 
 
 def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> float:
-    """Return the share of a change that holds in a part that begins at a tick of all recordings.
+    """Return the mean share of a change in a part that begins at a tick of all recordings.
 
-    In the middle of the samples that count, once an observer has settled; the mean of a recorded
-    quantity.
+    For a change over time, the share in the middle of the samples after the observer has settled.
     """
     if suspect.covariate is not None:
         return float(suspect.covariate.share(part)[min(SETTLING, part.ticks // 2) :].mean())
@@ -370,10 +369,7 @@ def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> f
 def cut(
     experiments: Sequence[Experiment], suspect: Suspect, names: Sequence[str]
 ) -> list[Experiment]:
-    """Return recordings in parts in each of which the share of a change is constant.
-
-    names: of the change, or of all changes if every recording has its own.
-    """
+    """Return recordings in parts in which the share of each change of `names` is constant."""
     if suspect.shape == EACH:
         return _each_its_own(experiments, names)
     (name,) = names
@@ -399,9 +395,9 @@ def _each_its_own(experiments: Sequence[Experiment], names: Sequence[str]) -> li
 
 
 def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
-    """Where a recording is cut: at a step, or evenly."""
+    """The parts of a recording, cut at a step or evenly."""
     if step is not None:
-        # A step that is as near to an end as an observer needs is that end.
+        # A step so near to an end counts as at the end.
         if step < 2 * SETTLING or step > ticks - 2 * SETTLING:
             return [(0, ticks)]
         return [(0, round(step)), (round(step), ticks)]
@@ -412,10 +408,10 @@ def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class Varied:
-    """A fitted change, and how it was sought.
+    """A fitted change.
 
-    hypothesis: with it, on recordings in parts; without: the same parts without. names: of the
-    change, of several if every recording has its own.
+    hypothesis: with the change, on recordings in parts; without: on the same parts without it.
+    names: of the change, several if every recording has its own value.
     """
 
     suspect: Suspect
@@ -430,7 +426,7 @@ class Varied:
 
 
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
-    """Fit a suspected change; None if it is not believed. Raises NoObserver."""
+    """Fit a suspected change; None if it is not believed. May raise NoObserver."""
     first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
     names = tuple(f"change {first + i}" for i in range(len(amounts)))
     parts = cut(h.experiments, suspect, names)
@@ -453,7 +449,7 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
         ),
     )
     best = settled(judged(parts, model, model.within(np.append(h.x, amounts)), h.family))
-    # Held against what is not fitted to the parts first, which costs no less than its own fit.
+    # Compared first with the unfitted constant model, which costs no less than its fit.
     unfitted = judged(parts, h.model, h.x, h.family)
     if best.against_physics or not believed(best.cost, priced(unfitted).cost):
         return None
@@ -472,17 +468,14 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
 def _dated(
     experiments: Sequence[Experiment], h: Hypothesis, suspect: Suspect
 ) -> tuple[float, tuple[float, float]]:
-    """Return the time of a step, and its 95 % interval, in ticks of all recordings.
-
-    h: with the step, fitted to the recordings in their parts.
-    """
+    """Return the time of a step and its 95 % interval, in ticks of all recordings."""
     before, place = 0, 0
     while place < len(experiments) - 1 and suspect.at >= before + experiments[place].ticks:
         before += experiments[place].ticks
         place += 1
     e = experiments[place]
     at = round(suspect.at) - before
-    if len(_parts(e.ticks, at, 0)) < 2:  # between two recordings: it is not known when
+    if len(_parts(e.ticks, at, 0)) < 2:  # between two recordings the time is unknown
         return suspect.at, suspect.between
     half = min(max(ABOUT, round(0.5 * (suspect.between[1] - suspect.between[0]))), e.ticks // 3)
     ticks, costs, best = np.array([at]), np.zeros(1), 0
@@ -495,13 +488,13 @@ def _dated(
         if 0 < best < ticks.size - 1:
             break
     near = np.flatnonzero(costs < costs[best] + EVIDENCE.dated * suspect.told.phi)
-    # It may be anywhere between two that were tried.
+    # The step may be anywhere between two tried ticks.
     ends = ticks[max(0, near[0] - 1)], ticks[min(ticks.size - 1, near[-1] + 1)]
     return before + at, (float(before + ends[0]), float(before + ends[1]))
 
 
 def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop: int) -> Floats:
-    """The cost of a recording (ticks,) with a step at each of some ticks."""
+    """The cost (ticks,) of a recording with a step at each of some ticks."""
     model, x, observer = h.model, h.x, h.noise.observer
     device = model.acting(x)
     held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
@@ -533,14 +526,14 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
 
 
 def with_varying(h: Hypothesis, model: Model, parts: Sequence[Experiment]) -> Hypothesis:
-    """Return a rival of a hypothesis with a change, fitted again to the same parts."""
+    """Return a hypothesis fitted again to parts, with the changes of another model."""
     own = replace(h.model, varying=model.varying)
     more = len(own.parameters) - h.x.size
     return settled(judged(parts, own, np.append(h.x, np.zeros(more)), h.family))
 
 
 class Course(NamedTuple):
-    """A parameter in windows of recordings: seconds (windows,) from the first sample on, in x."""
+    """A parameter, in x, in windows of recordings; times (windows,) [s] from the first sample."""
 
     times: Floats
     x: Floats
@@ -550,8 +543,8 @@ class Course(NamedTuple):
 def course(h: Hypothesis, index: int, against: int | None) -> Course:
     """Return a parameter in each window of the recordings by itself, to first order.
 
-    All others are the same everywhere. h: fitted, with the parameter the same everywhere as well.
-    against: see `Parameter`; then it is half the difference of both, and half their sum stays.
+    All others are constant. h: fitted with a constant parameter. against: see `Parameter`; then
+    half the difference of both varies, and half their sum is constant.
     """
     p, assumed = h.x.size, h.x[index]
     assert h.slopes is not None

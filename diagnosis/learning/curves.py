@@ -2,27 +2,26 @@
 
 If no effect of the library is adequate, the missing law is represented by a table of points
 (`sim/physics/free_law`): over position or velocity at each mass, over the deflection of each link,
-over the command, over the reading of the sensor, and over one period of what repeats. A fit of few
-rounds shows where such a table gains most (`where`). The best are fitted to the end, together with
-observer and linear parameters, and cost what every hypothesis costs. Those that remain are also
-fitted with twice as many points, and as periodic laws (`repeating`).
+over the command, over the reading of the sensor, and over one period of a repeating law. A few
+rounds of a fit show where such a table gains most (`where`). The best are fitted to the end,
+together with observer and linear parameters, and priced like every hypothesis. Those that remain
+are also fitted with twice as many points, and as periodic laws (`repeating`).
 
-Named effects are found first. If none of them is the true law, they imitate what they can of it:
-friction imitates the step of a piecewise line. So the table is fitted beside the names and in place
-of all of them, each with all of its points. Each name beside it is then tested, by the one
-criterion of `selection.evidence`: is it believed over its absence, now that the table may take its
-part? A name that is not is removed; it was part of the curve. So is a change of a parameter that
-the law explains as well. Then the table keeps the points that pay (`knots`). Named effects that
-still follow the same state at the same place are reported with the law as one curve (`together`),
-which is known better than either.
+Named effects are found first. If none of them is the true law, they imitate parts of it: friction
+imitates the step of a piecewise line. So the table is fitted beside the named effects and in place
+of all of them, each time with all of its points. Each effect beside it is then removed as part of
+the curve unless it is still believed over its absence (`selection.evidence`), and so is a change of
+a parameter. Then the table keeps the points that pay (`knots`). Named effects that still depend on
+the same state at the same place are reported with the law as one curve (`together`), which is known
+better than either.
 
 The band of a curve includes the uncertainty of its points, and the error of a curve through so few
 points (`tables.left_out`).
 
-Limits: one state at one place. A law of two states is seen as far as one state shows it, and is
-then sought (`surfaces`). No table represents a steep part near rest, so friction stays a named
-effect. The straight part of a table over velocity is a damper, that of a table over position a
-spring; only the device file determines how the sum is divided.
+Limits: one state at one place. A law of two states is found as far as one state shows it;
+`surfaces` then seeks the rest. No table represents a steep part near rest, so friction stays a
+named effect. The straight part of a table is a damper over velocity, a spring over position; only
+the device file determines how the sum is divided.
 """
 
 import math
@@ -65,29 +64,29 @@ from zwidth.diagnosis.selection.hypothesis import (
 )
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.settings import LAWS, PURSUIT
+from zwidth.shown import Valued
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
-FEW = 7  # points, where the recordings do not tell all of a table's
-SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
-NARROWEST = 1e-6  # of the range of a table, below which nothing is put between two points
-ASKED = 3  # places and states that are fitted, beside each set of names
+FEW = 7  # points, if the recordings do not determine all of a table
+SAME = 1.0  # -2 ln, within which a law with another origin is equivalent
+NARROWEST = 1e-6  # of the range of a table: two nearer points get no point between them
+ASKED = 3  # places and states that are fitted, beside each set of named effects
 STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  # of a law, in words
 
 
 @dataclass(frozen=True)
-class Learned:
+class Learned(Valued):
     """A learned law, and its relation to the named effects.
 
-    states, forces, lower, upper (points,): the curve and its 95 % band, relative to the point that
-    is held if a constant is equivalent to another origin; covariance (points, points) of the
-    forces. seen (samples,): the states that were visited. names: effects that stay beside it;
-    absorbed: those that turned out to be part of the curve; replaced: these, and all others that
-    are not needed beside it. together: the curve plus the named effects that follow the same state
-    there, None if none do. one_way: whether it is constrained to rise or fall. gained: over the
-    named effects alone, decrease of -2 ln likelihood, less all penalties.
+    states, forces, lower, upper (points,): the curve and its 95 % band, relative to the fixed point
+    if a constant is equivalent to another origin; covariance (points, points) of the forces. seen
+    (samples,): the states that were visited. names: effects that stay beside the law; absorbed:
+    effects that became part of the curve; replaced: these, and all others that are not needed
+    beside the law. together: the curve plus the named effects over the same state there, or None.
+    gained: decrease of -2 ln likelihood over the named effects alone, less all penalties.
     """
 
     physics: Physics
@@ -106,7 +105,7 @@ class Learned:
 
     @property
     def odd(self) -> bool:
-        """Whether f(-s) = -f(s): then the table is of |s|."""
+        """Whether f(-s) = -f(s); the table is then over |s|."""
         return is_odd(self.physics)
 
     @property
@@ -116,12 +115,12 @@ class Learned:
 
     @property
     def one_way(self) -> bool:
-        """Whether it only rises, or only falls."""
+        """Whether the law only rises, or only falls."""
         steps = np.diff(self.forces)
         return self.period == 0.0 and bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
 
     def named_at(self, states: Floats) -> Floats:
-        """Return the sum of the named effects that follow its state at its place (points,)."""
+        """Return the sum (points,) of the named effects over the same state at the same place."""
         h = self.hypothesis
         given = [
             along(p, self.physics.effect.name, states)
@@ -145,7 +144,7 @@ Hopeful = Callable[[Hypothesis], bool]
 
 
 def always(_: Hypothesis) -> bool:
-    """Accepts a table whatever its free runs are."""
+    """Accept every table, whatever its free runs."""
     return True
 
 
@@ -158,8 +157,7 @@ def learn(found: Search, say: Say) -> Learned | None:
 class Table:
     """A law of many points beside a hypothesis, before it is fitted.
 
-    first: the tables that a fit begins from; begun: these after some rounds of the fit, if any were
-    made.
+    first: initial tables of a fit; begun: the result of some rounds of a fit, if they were made.
     """
 
     base: Hypothesis
@@ -168,21 +166,21 @@ class Table:
     begun: Hypothesis | None = None
 
     def after_some_rounds(self) -> Hypothesis | None:
-        """The result of some rounds of a fit, which shows whether there may be a law."""
+        """Return the result of some rounds of a fit, which shows whether there may be a law."""
         if self.begun is not None:
             return self.begun
         return begun(self.base, *beside(self.base.model, self.base.x, self.site, self.first[0]))
 
     def fitted(self, say: Say) -> Hypothesis | None:
-        """The result of a complete fit; None if no observer follows."""
+        """Return the result of a complete fit; None if no observer is possible."""
         site = self.site
         if self.begun is None:
-            say(f"learning a law that repeats every {site.period:.3g} at {site.at}")
+            say(f"learning a law at {site.at} that repeats every {site.period:.3g}")
             fits = [h for law in self.first if (h := _fitted(self.base, site, law)) is not None]
             return min(fits, key=lambda h: h.cost.total, default=None)
-        say(f"learning a law over {_at_what(site)}")
+        say(f"learning a law that depends on {_at_what(site)}")
         h = attempt("learn", site.at, partial(settled, self.begun))
-        if h is not None and not np.isfinite(h.cost.total):  # not all of its points are told
+        if h is not None and not np.isfinite(h.cost.total):  # undetermined points
             law = law_over(site, FEW, False)
             h = None if law is None else _fitted(self.base, site, law)
         return h
@@ -191,10 +189,9 @@ class Table:
 def promising(base: Hypothesis, say: Say, hopeful: Hopeful) -> list[Table]:
     """Return the laws of many points that are worth fitting beside a hypothesis.
 
-    Over the states that the named effects follow, at their places: what a named effect does not fit
-    of its own shape. After a few rounds such a table improves free runs if there is a law, and does
-    not if the named effects are everything. This takes a small part of the time that learning a law
-    takes.
+    They are tried over the states of the named effects at their places. After a few rounds, such a
+    table improves free runs if there is a law, and not if the named effects explain everything.
+    This takes a small part of the time that learning a law takes.
     """
     say("checking whether a learned curve would improve free runs")
     names = base.model.effects_at(base.x)
@@ -216,8 +213,8 @@ def _fits(tables: Iterable[Table], say: Say) -> Iterator[Begun]:
 def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:
     """Yield laws that are believed over the named effects and make two or more of them unnecessary.
 
-    Each is fitted in place of all names; those that pay also beside the names, if one of these may
-    stay. hopeful: as in `laws`.
+    Each is fitted in place of all named effects, and also beside them if there are enough that one
+    may stay. hopeful: as in `laws`.
     """
     many = len(found.best.model.effects)
     if many < LAWS.stands_for:
@@ -233,11 +230,11 @@ def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Le
 
 
 def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
-    """Whether one of the names beside a law for the remainder costs less than a law without it.
+    """Whether a named effect plus a law for its remainder costs less than a law in its place.
 
-    Names have precedence: a cubic spring that is not quite cubic is still one, and what it does not
-    fit is a separate matter. If a law is in no library, a named effect leaves as much unexplained
-    as there was. The names are tested as fitted alone, as at the start of a search.
+    Named effects have precedence: a not quite cubic spring is still a cubic spring, plus a small
+    remainder. If a law is in no library, a named effect leaves a large remainder. The effects are
+    tested as fitted alone, as at the start of a search.
     """
     h, law = curve.hypothesis, curve.physics
     for one in found.best.model.effects:
@@ -257,7 +254,10 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
             continue
         both = _shaped(full, against(full, alone).phi, site)
         if both.cost.total < h.cost.total:
-            say(f"{one.effect.name} explains it with fewer parameters than a learned law")
+            say(
+                f"{one.effect.name} and a small rest explain the motion better than a learned law"
+                " alone: law dropped"
+            )
             return True
     return False
 
@@ -267,9 +267,9 @@ def laws(
 ) -> Iterator[Learned]:
     """Yield laws that are believed over the named effects, each at another place or state.
 
-    In the order of the gain that the points that pay promise. hopeful: whether a table of all its
-    points is worth the search for those that pay, which takes about twenty fits. tables: those that
-    are tried; without, all beside the names, and all in their place.
+    The laws with the lowest predicted cost come first. hopeful: whether a full table is worth the
+    search for the points that pay, which takes about twenty fits. tables: those to try; by default
+    all beside the named effects and all in their place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     if tables is None:
@@ -282,7 +282,7 @@ def laws(
 def _believed_laws(
     found: Search, fitted: Iterable[Begun], say: Say, hopeful: Hopeful
 ) -> Iterator[Learned]:
-    """The same for laws of many points that were fitted."""
+    """Yield believed laws, from fitted laws of many points."""
     least = min((found.best, found.plain), key=lambda h: h.cost.total)
     every: dict[tuple[str, str, float], list[Begun]] = {}
     for h, site in fitted:
@@ -293,7 +293,8 @@ def _believed_laws(
         near = [one for one in each if _promise([one]) < _promise(each) + PURSUIT.hopeless]
         likely = [one for one in near if hopeful(one[0])]
         if not likely:
-            say(f"a law over {_at_what(each[0][1])} improves free runs too little: dropped")
+            what = _at_what(each[0][1])
+            say(f"a law that depends on {what} improves free runs too little: dropped")
             continue
         full = [(_without_changes(without_names(found, h)), site) for h, site in likely]
         alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
@@ -324,11 +325,11 @@ def _promise(begun: Sequence[Begun]) -> float:
 
 
 def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
-    """Whether a straight line does as well in place of a law, which is then dropped."""
+    """Whether a straight line explains as much as a law, which is then dropped."""
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line (spring, damper or constant) fits as well: law dropped")
+    say("a straight line (spring, damper or constant) fits equally well: law dropped")
     return True
 
 
@@ -347,7 +348,7 @@ def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
 def _over_turns(base: Hypothesis) -> Iterator[Table]:
     """Yield laws of one period in place of each ripple of a hypothesis.
 
-    A ripple is one sine; what repeats may have any shape. The fit starts from that sine, and from
+    A ripple is one sine; a periodic law may have any shape. The fit starts from that sine, and from
     zero.
     """
     for i, p in enumerate(base.model.effects_at(base.x)):
@@ -369,9 +370,9 @@ def _over_turns(base: Hypothesis) -> Iterator[Table]:
 def _line(h: Hypothesis, site: Site) -> Physics:
     """The straight line nearest to the last law of a hypothesis.
 
-    Such a law is only a spring, a damper or a scale, with a constant force or an origin. Its fit
-    starts at this line and not at zero: a law over the command may have taken over most of the
-    scale, and no fit from zero returns from there.
+    Such a law is only a spring, a damper or a scale, with a constant force or an origin. A fit of
+    the line starts here and not at zero: a law over the command may have absorbed most of the
+    scale, which no fit from zero recovers.
     """
     force = law_at(h.model.effects_at(h.x)[-1], site.states)
     offset, slope = np.polynomial.polynomial.polyfit(site.states, force, 1)
@@ -382,10 +383,7 @@ def _line(h: Hypothesis, site: Site) -> Physics:
 def _fitted(
     base: Hypothesis, site: Site, law: Physics, x: Floats | None = None
 ) -> Hypothesis | None:
-    """A law added to a hypothesis, fitted; None if no observer follows.
-
-    x: where its other parameters start, those of the hypothesis without it.
-    """
+    """A law added to a hypothesis and fitted, from x if given; None without an observer."""
     model, start = beside(base.model, base.x if x is None else x, site, law)
     try:
         begun = judged(base.experiments, model, model.within(start), base.family)
@@ -401,7 +399,7 @@ def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
 
 
 def without_names(found: Search, h: Hypothesis) -> Hypothesis:
-    """The same without effects that are not believed over their absence, one after the other."""
+    """Return the hypothesis without effects that are not believed, removed one after the other."""
     while len(h.model.effects) > 1:
         fewer: list[Hypothesis] = []
         for i in range(len(h.model.effects) - 1):
@@ -416,10 +414,10 @@ def without_names(found: Search, h: Hypothesis) -> Hypothesis:
 
 
 def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
-    """The same with those effects merged into the curve that are not believed beside it.
+    """The hypothesis, with effects that are not believed beside the curve merged into it.
 
-    Beside a table with all its points, a name may pay for itself by making them smaller, and no
-    longer beside those that pay. So a curve that has absorbed a name is given points of its own.
+    Beside a full table an effect may pay for itself by making the points smaller, but not beside
+    the points that pay. So a curve that has absorbed an effect gets points of its own.
     """
     for i, p in reversed(list(enumerate(h.model.effects_at(h.x)[:-1]))):
         if not follows(p, site.effect, h.model.effects[-1].place) or site.period > 0.0:
@@ -440,17 +438,17 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 
 
 def _alone(found: Search, h: Hypothesis, site: Site, phi: float) -> Hypothesis:
-    """The same without effects that its own points have made unnecessary.
+    """The hypothesis without effects that the law's own points have made unnecessary.
 
-    Beside a table that is too coarse for a law, a name pays for what the table cannot represent,
-    whichever state it follows: a corner over velocity looks like a gain that differs by direction.
+    Beside a table that is too coarse for a law, an effect over any state may pay by imitating what
+    the table cannot represent: a corner over velocity looks like a gain that differs by direction.
     """
     fewer = without_names(found, h)
     return h if fewer is h else _refined(fewer, site, phi)
 
 
 def _finer(h: Hypothesis, site: Site) -> Hypothesis:
-    """The same with a point between each two, if those of them that pay are believed."""
+    """The law with a point between each two, if those that pay are believed."""
     law = h.model.effects_at(h.x)[-1]
     s = np.array(points_of(law.values))[:, 0]
     ends = np.append(s, s[0] + site.period) if site.period > 0.0 else s
@@ -467,7 +465,7 @@ def _finer(h: Hypothesis, site: Site) -> Hypothesis:
 
 
 def _without_changes(h: Hypothesis) -> Hypothesis:
-    """The same without the changes that are not believed over constancy."""
+    """The hypothesis without its changes, unless these are believed over constancy."""
     if not h.model.varies:
         return h
     model, x = h.model.constant(h.x)
@@ -479,7 +477,7 @@ def _without_changes(h: Hypothesis) -> Hypothesis:
 
 
 def _turning(h: Hypothesis, site: Site) -> Begun:
-    """The same as a periodic law, if one period with the points that pay costs less."""
+    """The law as a periodic one, if one period with the points that pay costs less."""
     best = h, site
     for law, scale in turns_of(h):
         there = replace(site, period=law.values["period"], scale=scale)
@@ -497,8 +495,8 @@ def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
     """The same law over the position of a mass on a spring, with the device file's origin.
 
     With q = y - d, d another origin and k the spring, -k q + f(q) = -k y + (f(y - d) + k d). So the
-    curve shifted by d with a constant k d is equivalent, and the data do not decide. Limits: for
-    the first mass, if nothing else depends on a position.
+    curve shifted by d plus a constant k d is equivalent, and the data do not decide. Limits: only
+    for the first mass, and if no other effect is present.
     """
     law, swings = h.model.effects_at(h.x)[-1], {e.swing for e in h.experiments}
     k = h.model.build(h.x).chain.ground_spring
@@ -518,14 +516,14 @@ def from_nothing(model: Model, x: Floats) -> Floats:
 
 
 def said_as(h: Hypothesis, model: Model, x: Floats) -> Hypothesis:
-    """Return a hypothesis as an equivalent model at x, or as it is if that is not equivalent."""
+    """Return the model at x in place of a hypothesis if it is equivalent, else the hypothesis."""
     near = h.family.near(h.ratio)
     other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
     return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
 
 
 def _shaped(h: Hypothesis, phi: float, site: Site) -> Hypothesis:
-    """The same law with the points that pay, odd if that is likelier."""
+    """The same law with the points that pay, odd if that costs less."""
     best = h
     for shape in shapes(h, site.states, phi):
         other = _in_its_place(h, site, shape.law)
@@ -535,7 +533,7 @@ def _shaped(h: Hypothesis, phi: float, site: Site) -> Hypothesis:
 
 
 def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
-    """Return the last law of a hypothesis as an answer, and the hypotheses it is compared with."""
+    """Return the last law of a hypothesis in the form of the answer."""
     law = h.model.effects_at(h.x)[-1]
     seen = states_of(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
     count = len(points_of(law.values))
@@ -553,7 +551,7 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
     known += np.diag(left_out(law) ** 2)
     half = Z95 * np.sqrt(np.diag(known))
     forces = np.array([law.values[key] for key in FORCE[:count]])
-    if site.floats and not is_odd(law):  # any constant is as good, and a formula may have its own
+    if site.floats and not is_odd(law):  # any constant is equivalent
         known += float(np.ptp(forces)) ** 2
     beside = {f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]}
     names = tuple(sorted(beside))
@@ -573,8 +571,8 @@ def _spread(
 ) -> Floats:
     """Covariance (points, points) of the free part of a law, at states s (points,).
 
-    A law u + f(u) over the command is known up to a scale c, since c u + c f(u) = u + g(u). Its
-    shape is given for the m1 that was fitted; c adds only a straight line to it.
+    A law u + f(u) over the command is known up to a scale c, since c u + c f(u) = u + g(u). The
+    shape is given for the fitted m1; c only adds a straight line.
     """
     told = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
     if site.effect != "free_amplifier":
@@ -585,7 +583,7 @@ def _spread(
 
 
 def _together(h: Hypothesis, law: Physics, seen: Floats) -> Together | None:
-    """The sum of a table and the named effects that follow its state at its place."""
+    """The sum of a table and the named effects over the same state at the same place."""
     at = points_over(seen, LAWS.points, False)
     if at is None or law.values["period"] > 0.0:
         return None

@@ -1,32 +1,33 @@
 """When the force of an event begins and ends, by the likelihood of each possible time.
 
-A force of free shape may also be arbitrarily small for arbitrarily long, so its beginning depends
-on how its shape is described. Here it is a polyline over [b, e) with values at b, at e and at knots
-between, and zero elsewhere: it may start suddenly (a jam, a stop) or rise from zero (a hand). Near
-the fitted force f, a force g at each tick gives the whitened innovations r + S (g - f) in its
+A force of free shape may be arbitrarily small for arbitrarily long, so its beginning depends on the
+description of its shape. Here the force is a polyline over [b, e) with values at b, at e and at
+knots between, and zero elsewhere: it may start suddenly (a jam, a stop) or rise from zero (a hand).
+Near the fitted force f, a force g at each tick gives the whitened innovations r + S (g - f) in its
 window, where S are the slopes through sticking and slipping. With G = S'S and p = S' (S f - r), a
 polyline B c with values c has
 
     |r|^2 = const - p'B (B'G B)^-1 B'p
 
-at its best. Its cost, as of every hypothesis, is that divided by its overdispersion w, plus ln det
-A + 2 sum ln range - k ln 2 pi for its values, each uniform within the largest of them to both
-sides, plus the same for the places of its m knots in the window, less 2 ln m! since their order has
-no meaning. Knots are added and removed while that pays, for every b and e anew. The interval of b
-(with e at its best) contains the times that cost at most 7.35 more than the best: for a force that
-starts suddenly, -2 ln of the likelihood ratio is distributed as xi, P(xi <= z) = (1 - exp(-z /
-2))^2 (Hansen, Econometrica 68, 2000); for one that rises from zero it is a chi-square of one degree
-of freedom, which is less. A force acts during a whole tick, so an interval is extended by one tick.
+at its best. The cost, as of every hypothesis, is |r|^2 divided by the overdispersion w, plus ln det
+A + 2 sum ln range - k ln 2 pi for the values, each uniform up to the largest of them in both
+directions, plus the same for the places of the m knots in the window, less 2 ln m! since their
+order is arbitrary. Knots are added and removed while that pays, for every b and e anew. The
+interval of b (with e at its best) contains the times that cost at most 7.35 more than the best: for
+a force that starts suddenly, -2 ln of the likelihood ratio is distributed as xi, P(xi <= z) = (1 -
+exp(-z / 2))^2 (Hansen, Econometrica 68, 2000); for one that rises from zero it is a chi-square of
+one degree of freedom, which is smaller. A force acts during a whole tick, so an interval is
+extended by one tick.
 
-w is that of the recording, or that of the window under the best polyline if it is larger: an error
-that no polyline describes must not sharpen the times.
+w is the overdispersion of the recording, or of the window under the best polyline if that is
+larger, so that an error which no polyline describes does not sharpen the times.
 
 A long event is first sought in bins of several ticks each, and its edges then to a tick, in bins of
 one tick near them. The best polyline is also the force that is reported for a long event, since
 hats at fixed places overshoot beside a sudden start.
 
-Limits: of several pulses the first begins and the last ends the event, all in one polyline. A jam
-that holds a mass which friction held already begins only when it shows.
+Limits: several pulses are one polyline, from the beginning of the first to the end of the last. A
+jam of a mass that friction already holds begins only when the motion shows it.
 """
 
 import math
@@ -48,24 +49,24 @@ from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 Knots = tuple[int, ...]
-PLACES, MOST = 32, 24  # that a knot may stand at, evenly, and how many knots there may be
-NEAR = (1, 2, 4, 8)  # ticks from both ends, where one may stand as well
-GRID = 16  # times that are asked first
-CELLS = 200  # in which edges are sought first; what is longer has cells of several ticks
-BESIDE = 2  # cells to both sides, in which an edge is then sought to a tick
+PLACES, MOST = 32, 24  # evenly spaced places for knots, and the most knots
+NEAR = (1, 2, 4, 8)  # bins from both ends, where knots may be too
+GRID = 16  # times that are tried first
+CELLS = 200  # bins in which edges are sought first, of several ticks in a longer window
+BESIDE = 2  # of these bins to both sides, in which an edge is then sought to a tick
 TURNS = 3  # of beginning and end, each with the other at its best
-HALF = 0.5  # a tick, from its first to where its force stands
-LITTLE = 1e-12  # of what is known, that is nothing: of what sticks nothing is known
+HALF = 0.5  # tick: the force of a tick is at its middle
+LITTLE = 1e-12  # relative information that counts as none, as while a mass sticks
 
-Edge = tuple[float, float, float]  # first, likeliest, last
+Edge = tuple[float, float, float]  # earliest, most likely, latest
 
 
 @dataclass
 class Polylines:
-    """The cost of polylines, from G (bins, bins) and p of the bins of ticks of their window.
+    """The cost of polylines, from G (bins, bins) and p (bins,) of the bins of their window.
 
-    rest: the constant; rows: of r; wide: overdispersion; at (bins + 1,): where bins begin and end,
-    in ticks, of one tick each by default; costs and inner knots: by both ends, in bins.
+    rest: the constant; rows: number of r; wide: overdispersion; at (bins + 1,): ticks where bins
+    begin and end, one tick each by default; costs: cost and inner knots by both ends, in bins.
     """
 
     squares: Floats
@@ -78,17 +79,17 @@ class Polylines:
     costs: dict[tuple[int, int], tuple[float, Knots]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Take bins of one tick where nothing is given."""
+        """Use bins of one tick if `at` is not given."""
         if not self.at.size:
             self.at = np.arange(self.bins + 1.0)
 
     @property
     def bins(self) -> int:
-        """Where it may begin and end: 0 to so many."""
+        """The number of bins."""
         return self.pulls.size
 
     def edges(self, begins: int, ends: int) -> tuple[Edge, Edge]:
-        """Return beginning and end with their intervals, in ticks; sought from two bins on."""
+        """Return beginning and end with their intervals, in ticks, sought from two bins."""
         first, last = (0, ends - 1), (begins + 1, self.bins)
         for turn in range(TURNS):
             before = begins, ends, self.wide
@@ -112,12 +113,12 @@ class Polylines:
         return first - 1.0, likeliest, last + 1.0
 
     def best(self) -> "Polyline":
-        """Return the polyline that was found."""
+        """Return the best polyline, after `edges`."""
         ((begins, ends), (_, knots)) = next(iter(self.costs.items()))
         return self.solved(begins, ends, knots)
 
     def cost(self, begins: int, ends: int) -> float:
-        """The cost of the best polyline from one bin to another."""
+        """Return the cost of the best polyline from one bin to another."""
         key = begins, ends
         if key not in self.costs:
             inner = tuple(k for k in self.knots if begins < k < ends)
@@ -140,7 +141,7 @@ class Polylines:
             best = new
 
     def solved(self, begins: int, ends: int, inner: Knots) -> "Polyline":
-        """Return a polyline at its best."""
+        """Return the polyline with the best values for its ends and inner knots."""
         own = 0.5 * (self.at[begins:ends] + self.at[begins + 1 : ends + 1])
         knots = self.at[[begins, *inner, ends]]
         hats = np.array([np.interp(own, knots, unit) for unit in np.eye(knots.size)])
@@ -165,7 +166,7 @@ class Polylines:
 
 
 class Polyline(NamedTuple):
-    """|r|^2 with the best values at its knots; its ticks, and the effect of one more value."""
+    """A polyline: |r|^2, the best values at its knots, the middles of its bins, and its hats."""
 
     chi2: float
     values: Floats
@@ -175,7 +176,7 @@ class Polyline(NamedTuple):
 
     @property
     def by_knots(self) -> Floats:
-        """The change by moving each inner knot by a tick (knots, ticks)."""
+        """The change of the force when each inner knot moves by a tick (knots, bins)."""
         if self.knots.size <= 2:
             return np.zeros((0, self.own.size))
         slopes = np.diff(self.values) / np.diff(self.knots)
@@ -186,8 +187,8 @@ class Polyline(NamedTuple):
 def edges(h: Hypothesis, one: Happened) -> tuple[Edge, Edge, Happened]:
     """Return when a force begins and ends, in ticks from its first, with 95 % intervals.
 
-    Also the event with the force that is likeliest for these edges, if it is a long one. h: fitted
-    with knowledge of all other events, and not of this one.
+    Also returns the event, if long, with the most likely force for these edges. h: fitted with all
+    other events known, but not this one.
     """
     beside = max(8, (one.last - one.first) // 3)
     ticks = h.experiments[one.recording].ticks
@@ -218,12 +219,12 @@ def edges(h: Hypothesis, one: Happened) -> tuple[Edge, Edge, Happened]:
 
 
 def _bin(at: NDArray[np.int64], tick: int) -> int:
-    """The bin that begins at a tick, or the last before it."""
+    """The bin that contains a tick."""
     return int(np.searchsorted(at, tick, side="right")) - 1
 
 
 def _of_polyline(one: Happened, lines: Polylines) -> Happened:
-    """The event with the best polyline for its force, and its covariance for known edges."""
+    """The event with the best polyline as its force, and its covariance for known edges."""
     line = lines.best()
     there = np.arange(math.floor(line.knots[0]), math.ceil(line.knots[-1])) + HALF
     first, last = min(one.first, int(line.knots[0])), max(one.last, int(line.knots[-1]))
@@ -232,7 +233,7 @@ def _of_polyline(one: Happened, lines: Polylines) -> Happened:
     basis[int(line.knots[0]) - first : int(line.knots[-1]) - first] = hats.T
     bins = slice(*np.searchsorted(lines.at, line.knots[[0, -1]]))
     known = line.hats @ lines.squares[bins, bins] @ line.hats.T
-    size = FAR * max(float(np.abs(one.force).max()), 1e-300)  # what sticks: no more than this
+    size = FAR * max(float(np.abs(one.force).max()), 1e-300)  # while a mass sticks
     covariance = np.linalg.inv(known / lines.wide + np.eye(known.shape[0]) / size**2)
     return replace(
         one, first=first, last=last, force=basis @ line.values,
@@ -241,7 +242,7 @@ def _of_polyline(one: Happened, lines: Polylines) -> Happened:
 
 
 def _no_shorter(edge: Edge, cells: Edge, beside: int) -> Edge:
-    """An edge whose interval holds that in cells where it goes beyond those that were refined."""
+    """A refined edge, its interval extended to that in cells beyond the refined part."""
     low, at, high = cells
     return (
         min(edge[0], low) if at - low > beside else edge[0],
@@ -255,10 +256,7 @@ def _moved(edge: Edge, by: int) -> Edge:
 
 
 class _About:
-    """The innovations of a window about the force f that was fitted, and what others leave of them.
-
-    f is taken at its mean in each bin, so that r(g) = r(f) + S (g - f) has slopes by bins alone.
-    """
+    """The innovations of a window for forces near the fitted force f, averaged in bins."""
 
     def __init__(self, window: Window, one: Happened) -> None:
         self.window, self.row = window, place_at(one.source.place).row(window.dof)
@@ -266,7 +264,7 @@ class _About:
         self.own[one.first - window.begins : one.last - window.begins] = one.force
 
     def polylines(self, at: NDArray[np.int64], wide: float) -> Polylines:
-        """What polylines over bins of ticks leave; at (bins + 1,): where these begin and end."""
+        """Return the polylines over bins of ticks; at (bins + 1,): where these begin and end."""
         ticks = np.arange(self.own.size) + self.window.begins
         bins = np.array([(ticks >= a) & (ticks < b) for a, b in pairwise(at.tolist())], np.float64)
         f = (bins @ self.own) / bins.sum(axis=1)
@@ -292,7 +290,7 @@ def _sought(
 ) -> tuple[int, tuple[int, int]]:
     """Return the tick of least cost, and the first and last that cost less than 7.35 more.
 
-    Gaps beside these are halved until they are closed. begin: ticks that are tried first.
+    Gaps beside these are halved until closed. begin: ticks that are tried first.
     """
     known = {k: cost(k) for k in sorted(set(begin)) if low <= k <= high}
     while True:

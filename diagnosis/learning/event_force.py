@@ -1,21 +1,21 @@
 """The force of an event, tick by tick with its uncertainty, fitted through the simulation.
 
-An event is a force f(t) = sum_j f_j phi_j(t). For a short event phi_j is one tick each, for a long
-one they are hats. The kernel simulates the window around it from the observer's state, so that
-friction, play and limits act as they do under that force. Damped steps of Gauss and Newton minimise
+An event is a force f(t) = sum_j f_j phi_j(t), with phi_j one tick each for a short event, and hats
+for a long one. The kernel simulates the window around it from the observer's state, so that
+friction, play and limits act as under that force. Damped steps of Gauss and Newton minimise
 
     |r(f)|^2 + |f / size|^2,
 
-where r are the whitened innovations of the window and `size` is far more than was seen, so that the
-result is defined while a mass sticks (when no force shows). A slip is one number instead, of a
-reading or of the force in a spring, from its tick on. Of several places and kinds, the one is taken
-that minimises |r|^2 plus the penalty for its numbers plus twice ln(rows) for the time and size of
-each of its pulses.
+where r are the whitened innovations of the window and `size` is far larger than the fitted force,
+so that the result is defined while a mass sticks (when forces have no effect). A slip is one number
+instead, added to a reading or to the force in a spring from its tick on. Of several places and
+kinds, the best minimises |r|^2 plus the penalty for its numbers plus 2 ln(rows) for the time and
+size of each of its pulses.
 
-Its tick is found by the reduction of |r|^2 by one number there, to first order: with s the slope of
-r by the number and r0 without it, |r0|^2 - (s'r0)^2 / s's. The fit is made at the tick of least
-value, and at its neighbours as long as they date it as well or better. Limit: if two ticks explain
-it equally well, with worse ones between them, the one that is better to first order is taken.
+The tick of a slip is sought to first order: with s the slope of r by the number and r0 without it,
+|r0|^2 - (s'r0)^2 / s's. A fit is made at the tick of least value, and at its neighbours as long as
+they fit equally well or better. Limit: if two ticks fit equally well, with worse ones between them,
+the one that is better to first order is chosen.
 """
 
 import math
@@ -41,11 +41,11 @@ from zwidth.sim.place import masses_and_links, place_at
 from zwidth.sim.predict import alone
 
 Floats = NDArray[np.float64]
-LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
-POINT = 32  # ticks from the first, in which it may be that something slipped
-STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
-FAR = 30.0  # times what was seen, that a force may be
-SHORT, MARGIN = 6, 2  # ticks of a pulse of which each has its own force, and those beside it
+LEAD, TAIL = 60, 150  # ticks before and after an event that its fit includes
+POINT = 32  # first ticks of an event, within which a slip is sought
+STEPS, WORTH = 8, 0.05  # steps of Gauss and Newton; chi-square that a step must gain
+FAR = 30.0  # deviation of forces, over the largest that a first step finds
+SHORT, MARGIN = 6, 2  # longest pulse with a force for each tick, and further ticks beside it
 HATS = 6  # over a longer one
 ABOUT = 3  # ticks about its peak, in which a slip is dated
 
@@ -70,10 +70,7 @@ class Pulse(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where an event enters: a mass, a link, or an output's reading (its name, and which).
-
-    lasting: permanent from its time on, as a slip is.
-    """
+    """The place of an event: mass, link or output (its index is `sensor`); lasting: permanent."""
 
     place: str
     sensor: int | None = None
@@ -84,10 +81,10 @@ class Source:
 class Happened:
     """One event, in ticks of one of the recordings.
 
-    first, last: the ticks of its window. force (last - first,) at each tick, [N m | N], or the one
-    amount of a permanent event (of a reading [rad | m]); covariance of it. gain: chi-square.
-    between: of a permanent event, ticks that date it as well. elsewhere: places that explain it as
-    well. pulses: number that was fitted.
+    first, last: the ticks of the event. force (last - first,) at each tick, [N m | N], or the one
+    amount of a permanent event (of a reading [rad | m]); covariance: of force. gain: chi-square.
+    between: for a permanent event, the earliest and latest tick at which it may have happened.
+    elsewhere: other places that explain it equally well. pulses: the pulses that were fitted.
     """
 
     recording: int
@@ -102,7 +99,7 @@ class Happened:
     pulses: tuple["Pulse", ...] = ()
 
     def on(self, e: Experiment) -> Experiment:
-        """Return a recording in which the event is known."""
+        """Return a recording that includes the event's force, or without its slip."""
         if (o := self.source.sensor) is not None:
             measured = e.measured.copy()
             measured[self.first :, o] -= self.force[0]
@@ -126,7 +123,7 @@ class _Tried:
 
 
 class Window:
-    """A recording around an event, from the state that the observer has before it."""
+    """A recording around an event, from the observer's state before it."""
 
     def __init__(self, h: Hypothesis, recording: int, first: int, last: int) -> None:
         e = h.problem.experiments[recording]
@@ -144,14 +141,14 @@ class Window:
         self.unknown = self.white(None, np.zeros(0))
 
     def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
-        """Return the whitened innovations of the window under a force (window,) along a row.
+        """Return whitened innovations under a force (window,) along a row.
 
-        shift (window, o): what is subtracted from the measurement.
+        shift (window, o): subtracted from the measurement.
         """
         there = slice(self.begins, self.ends)
         forces = self.forces[there]
         if force is not None:
-            forces = forces.copy()  # beyond the masses: what the base does
+            forces = forces.copy()  # columns beyond the masses: motion of the base
             forces[:, : row.size] += force[:, None] * row
         measured = self.seen.readings[there]
         gone = None if self.seen.uncounted is None else self.seen.uncounted[there]
@@ -178,12 +175,12 @@ class Window:
 
     @property
     def rows(self) -> int:
-        """Samples of the window."""
+        """Number of samples of the window."""
         return (self.ends - self.begins) * len(self.seen.outputs)
 
     @property
     def dof(self) -> int:
-        """Masses of the model."""
+        """Number of masses of the model."""
         return self.ready.coarse.dof
 
 
@@ -192,7 +189,7 @@ def fitted_event(
 ) -> Happened:
     """Return the cheapest description of an event of some pulses in a recording.
 
-    h: fitted with knowledge of all other events. source: where it enters, None for anywhere.
+    h: fitted with all other events known. source: the place of the event, None for any.
     """
     ticks = h.experiments[recording].ticks
     shapes = sorted({shape for pulse in pulses for shape in pulse.shapes})
@@ -223,7 +220,7 @@ def fitted_event(
 
 
 def _sources(window: Window, h: Hypothesis) -> Iterator[Source]:
-    """Where an event may enter: a force at every mass and link, a slip of readings and springs."""
+    """Possible sources: a force at every mass and link, a slip of every position and spring."""
     places = masses_and_links(window.masses)
     for place in places:
         yield Source(str(place))
@@ -245,7 +242,7 @@ def _force(
     source: Source,
     wide: float,
 ) -> _Tried:
-    """A force of a shape (ticks, k) from a tick on."""
+    """Fit a force with a basis (ticks, k) from a tick on."""
     whole = np.zeros((window.ends - window.begins, basis.shape[1]))
     last = first + basis.shape[0]
     whole[first - window.begins : last - window.begins] = basis
@@ -259,7 +256,7 @@ def _force(
         recording, source, first, last, basis @ found.f, wide * basis @ found.covariance @ basis.T,
         found.gained / wide - count, (first, last),
     )  # fmt: skip
-    # What a pulse is by itself is its time and size; the rest of its ticks fit noise as well.
+    # ln(rows) for the time and size of each pulse; its other ticks may only fit noise.
     cost = found.chi2 / wide + count + 2.0 * pulses * math.log(window.rows)
     return _Tried(happened, cost)
 
@@ -267,7 +264,7 @@ def _force(
 def _slip(
     window: Window, recording: int, first: int, last: int, source: Source, wide: float
 ) -> _Tried | None:
-    """A permanent event from one tick on; None if it could not be seen."""
+    """Fit a permanent event from one tick on; None if the window has no such tick."""
     begins, outputs = window.begins, len(window.seen.outputs)
     ticks = range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT))
     if not ticks:
@@ -311,7 +308,7 @@ def _slip(
 
 
 class Solved(NamedTuple):
-    """f (k,) of least squares, its covariance, the chi-square there and its gain."""
+    """The least-squares f (k,), its covariance, and the chi-square there and its gain."""
 
     f: Floats
     covariance: Floats
@@ -320,10 +317,7 @@ class Solved(NamedTuple):
 
 
 def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> Solved:
-    """Return the least squares, starting without a force.
-
-    unknown: the residual without a force; unit (k,): as in `slope_of`.
-    """
+    """Return the least-squares force; unknown: the residual without it; unit: see `slope_of`."""
     count, f, r = unit.size, np.zeros(unit.size), unknown
     start = least = float(r @ r)
     damping, unit = 0.0, unit.copy()
@@ -360,8 +354,8 @@ def slope_of(
 ) -> tuple[float, Floats]:
     """Return the step of a number that changes the residual by about one, and its slope there.
 
-    unit: the size at which the slope is computed. Steps are as large as the noise allows to be
-    hidden: a mass that sticks under smaller ones moves under these.
+    unit: the first step that is tried. The step is as large as noise can hide: a mass that sticks
+    under a smaller one moves under it.
     """
     change = moved(unit) - unknown
     for _ in range(3):

@@ -1,7 +1,6 @@
 """Finds events that happen once in a recording, such as a push or a sensor slip, and when.
 
-A force a that a model does not contain, at a place from tick t on for d ticks, gives its whitened
-innovations
+A missing force a at a place, from tick t on for d ticks, gives the whitened innovations
 
     r = a s(. - t) + e,    s_k = sum over i < d of h_(k-i),    e white,
 
@@ -12,25 +11,25 @@ and d at once
     a = (G_(t+d) - G_t) / |s|^2,    gain(t, d) = (G_(t+d) - G_t)^2 / |s|^2
 
 in chi-square: the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
-1976). A slip of a sensor is the same, with h the response to its reading. If the parameters are
-fitted together with it, the gain is larger; so this is a lower bound.
+1976). For a slip of a sensor, h is the response to its reading. This is a lower bound: a fit
+together with the parameters gains more.
 
 Chance. z = sqrt(gain) of every place and duration is divided by its own median over the recording,
-so that coloured noise and missing physics, which raise it everywhere, raise no alarm. The maximum
-of each of n stretches is then taken. Maxima above their median u exceed it by an exponentially
+so that coloured noise and missing physics, which raise z everywhere, raise no alarm. The maximum of
+each of n stretches is then taken. Maxima above their median u exceed it by an exponentially
 distributed amount of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
 m = 2 for Gaussian noise). Chance exceeds a gain c somewhere in the recordings with
 
     P = n / 2 exp(-(c - u) / m),
 
 and an event is believed if P is less than `ALPHA` times the odds that something happens at all. m
-is the largest mean excess over three thresholds. A recording in which such peaks are common
-therefore has no events; its model lacks something. The same question is asked before any fit, with
-the `EVENTS.most` highest peaks excluded, since they may be events and not chance.
+is the largest mean excess over three thresholds. So a recording with many such peaks has no events;
+its model lacks something. Before any fit, the same test excludes the `EVENTS.most` highest peaks
+from chance, since they may be events.
 
 Limits: at most `EVENTS.most` events; events that last longer than 3 s or a fifth of the recording
-are not found. The response h is that of the device without its nonlinear physics: it finds an
-event, and the kernel then fits it (`learning.event_force`).
+are not found. The response h, which only finds an event, is that of the device without its
+nonlinear physics; the kernel then fits the event (`learning.event_force`).
 """
 
 import math
@@ -56,25 +55,25 @@ from zwidth.diagnosis.settings import EVENTS, EVIDENCE
 from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
-TURNS = 24  # of looking again, that all events together may take
-REFITS = 2  # turns of parameters and noise with each event, and of an event under its noise
-TOGETHER, GAINED = 6, 2.0  # of all in turn, at most; in -2 ln, that one must gain for another
+TURNS = 24  # of the search, for all events together
+REFITS = 2  # turns of parameters and noise with events, and of events with that noise
+TOGETHER, GAINED = 6, 2.0  # turns of all, at most; gain in -2 ln that justifies another
 PER_OCTAVE = 2  # durations
-SEEN = 100  # ticks after its onset, by which what lasts is seen
-STRETCH = 64  # ticks, of which the highest gain is taken
-FEWEST = 12  # stretches by which chance is told
+SEEN = 100  # ticks after the onset of a permanent event, by which it is found
+STRETCH = 64  # ticks, each giving its highest gain
+FEWEST = 12  # stretches from which chance is estimated
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
 GAUSSIAN = 2.0  # mean excess of a chi-square of one
 MEDIAN = 0.6745  # of |z| of a normal
 SHORTEST_PART = 6 * SETTLING  # ticks beside an event that are searched
-ONSET = 3 * SETTLING  # ticks, after which the slowest observer has forgotten how it began
+ONSET = 3 * SETTLING  # ticks after which the slowest observer has forgotten its start
 
 
 FitOn = Callable[[Sequence[Happened]], Sequence[Experiment]]
 
 
 class Peak(NamedTuple):
-    """The best of the bank: in which recording, of which source, first tick, duration; gain."""
+    """The highest gain of all filters: its recording, source, first tick, duration and size."""
 
     recording: int
     source: Source
@@ -85,7 +84,7 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True)
 class Chance:
-    """What noise reaches: n / 2 exp(-(c - u) / m) of all recordings is beyond c."""
+    """The distribution of chance: P = n / 2 exp(-(c - u) / m) exceeds c."""
 
     count: int
     median: float
@@ -106,9 +105,9 @@ def happenings(
 ) -> tuple[Happened, ...]:
     """Return the events of recordings according to a fitted hypothesis; in order of time.
 
-    recordings: whole, without forces of events; fit_on: gives the recordings of the fit with some
-    events known. Parameters are fitted again with each event, since it has distorted them. Raises
-    NoObserver if there is none.
+    recordings: whole, without forces of events; fit_on: returns the recordings of the fit with some
+    events known. Parameters are fitted again with each event, which has distorted them. May raise
+    NoObserver.
     """
     found: list[Happened] = []
     for _ in range(TURNS):
@@ -122,7 +121,7 @@ def happenings(
         rest = [one for one in found if one not in near]
         pulses = [pulse for one in near for pulse in one.pulses]
         again = Pulse(peak.first, peak.ticks)
-        if again in pulses:  # all that a force there explains is explained
+        if again in pulses:  # a force there explains no more
             break
         beside = replace(seen, experiments=with_events(recordings, rest))
         new = fitted_event(beside, peak.recording, [*pulses, again])
@@ -132,10 +131,10 @@ def happenings(
 
 
 def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
-    """Return the highest peak of all, None if chance reaches it; before any fit.
+    """Return the highest peak before any fit, None if chance reaches it.
 
-    With the likeliest noise of all recordings, which includes part of an event; what still exceeds
-    it is one. Raises NoObserver if the recordings cannot be followed.
+    The most likely noise of all recordings includes part of an event; a peak that still exceeds it
+    is one. May raise NoObserver.
     """
     peak, chance = _searched(judged(recordings, h.model, h.x), (), EVENTS.most)
     return peak if peak is not None and peak.gain > chance.most else None
@@ -144,9 +143,9 @@ def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
 def set_apart(h: Hypothesis) -> list[Experiment] | None:
     """Return a hypothesis's recordings without the most improbable peak; None if there is none.
 
-    With its own noise, or a slower one, since the likeliest noise takes a force that acts for long
-    for a disturbance. The recording is cut around a force, which would hide missing physics
-    otherwise; a slip is subtracted from the reading, since it is permanent.
+    Both its own noise and a slower one are tried, since the most likely noise attributes a long
+    force to disturbance. The recording is cut around a force, which would otherwise hide missing
+    physics; a slip is permanent, and is subtracted from the reading.
     """
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
@@ -172,9 +171,9 @@ def _agreed(
 ) -> tuple[list[Happened], Hypothesis]:
     """Fit events, parameters and noise in turn, until neither gains.
 
-    The remainder of an event, at parameters that it has distorted, looks like another event, and
-    noise that is fitted without the event includes it. So each is fitted twice, first wherever it
-    may enter.
+    At distorted parameters the remainder of an event looks like another event, and noise fitted
+    without an event includes it. So in each turn events are fitted twice, in the first turns first
+    at all places.
     """
     before = math.inf
     for turn in range(TOGETHER):
@@ -197,9 +196,8 @@ def _believed(
 ) -> list[Happened]:
     """The events that exceed chance in recordings without them; the weakest is tested first.
 
-    An event that is dropped becomes part of the chance of the others. An event beside others must
-    be clear when only these are known and everything is fitted with them; otherwise it is a
-    remainder of them.
+    A dropped event becomes part of the chance of the others. An event beside others must stand out
+    after a fit with only the others known; otherwise it is a remainder of them.
     """
     while found:
         _, chance = _searched(_judged(recordings, found, h), found)
@@ -221,10 +219,7 @@ def _believed(
 def _judged(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> Hypothesis:
-    """The hypothesis with known events, with the noise of the fit.
-
-    An event in held-out recordings, or in a part that was set apart, is not noise.
-    """
+    """The hypothesis with known events and the noise of the fit, which excludes events."""
     there = with_events(recordings, found)
     if not h.family.whitening:
         return judged(there, h.model, h.x)
@@ -240,7 +235,7 @@ def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> 
 
 
 def _near(one: Happened, peak: Peak, period: float) -> bool:
-    """Whether a pulse is part of an event: no farther from it than either is long."""
+    """Whether a peak belongs to an event: no farther from it than either is long."""
     far = max(round(EVENTS.apart_s / period), one.last - one.first, peak.ticks)
     ends = peak.first + peak.ticks
     apart = peak.first - one.last > far or one.first - ends > far
@@ -257,7 +252,7 @@ class _Answer(NamedTuple):
 def _searched(
     h: Hypothesis, known: Sequence[Happened], aside: int = 0
 ) -> tuple[Peak | None, Chance]:
-    """The highest of all peaks, and the distribution of chance in stretches beside known events.
+    """The highest peak, and the distribution of chance in stretches beside known events.
 
     aside: number of highest peaks to exclude, which may be unknown events. With nonsmooth laws, an
     event must also exceed chance among like states.
@@ -277,7 +272,7 @@ def _searched(
         return among_alike, chance
     if abs(among_alike.first - peak.first) > STRETCH:
         return among_alike, chance
-    return peak._replace(gain=among_alike.gain), chance  # dated by what scales do not bend
+    return peak._replace(gain=among_alike.gain), chance  # dated without scales
 
 
 def _in_ticks(h: Hypothesis) -> list[Floats]:
@@ -300,7 +295,7 @@ def _standing_out(
     known: Sequence[Happened],
     aside: int,
 ) -> tuple[Peak | None, Chance]:
-    """As `_searched`, of whitened innovations (ticks, o) of each recording."""
+    """As `_searched`, for whitened innovations (ticks, o) of each recording."""
     gains: list[Floats] = []
     kinds: list[list[tuple[Source, int]]] = []
     for e, r in zip(h.experiments, white, strict=True):
@@ -315,7 +310,7 @@ def _standing_out(
     for _ in range(aside):
         if (top := _highest(kept, kinds)) is not None:
             left = sum(_stretches(own).size for own in kept)
-            # All of a long event, as far as enough is left to tell chance by.
+            # All of a long event, if enough is left to estimate chance.
             beside = _longest(h.experiments[top.recording]) // 3 if left > 3 * FEWEST else 0
             there = _touching(top.first - beside, top.first + top.ticks + beside)
             kept[top.recording][there] = np.nan
@@ -333,7 +328,7 @@ def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]])
 
 
 def _touching(first: int, last: int) -> slice:
-    """The ticks that an event touches: its own, and those that contain its pulses."""
+    """The ticks of an event and those around it that its filters include."""
     return slice(max(0, first - STRETCH), last + 2 * STRETCH)
 
 
@@ -342,14 +337,14 @@ def _touched(one: Happened) -> slice:
 
 
 def _stretches(gains: Floats) -> Floats:
-    """The highest gain of each stretch of which nothing was removed."""
+    """The highest gain of each stretch without removed ticks."""
     starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
     every = np.array([gains[a : a + STRETCH].max() for a in starts])
     return every[np.isfinite(every)]
 
 
 def _answers(h: Hypothesis) -> list[_Answer]:
-    """Of every source, the response to one tick of it."""
+    """The response to one tick of every source."""
     problem, model = h.problem, h.model
     fitted = Fitted(model, h.x, 0.0, h.residual, np.zeros((0, 0)), h.samples)
     device = model.build(h.x)
@@ -375,7 +370,7 @@ def _longest(e: Experiment) -> int:
 def _gains(
     white: Floats, answers: Sequence[_Answer], e: Experiment
 ) -> tuple[Floats, list[tuple[Source, int]]]:
-    """The best gain of an event that begins at each tick (ticks,), over its median; and which."""
+    """The best scaled gain of an event that begins at each tick (ticks,); its source and length."""
     ticks, longest = white.shape[0], _longest(e)
     octaves = math.log2(longest)
     lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
@@ -389,7 +384,7 @@ def _gains(
         else:
             durations = [_of_length(total, h, int(d)) for d in lengths]
         for score, d in durations:
-            late = np.abs(score[ONSET:])  # nothing of a part as short
+            late = np.abs(score[ONSET:])  # empty for a short part
             usual = float(np.median(late)) / MEDIAN if late.size else math.inf
             gained = (score / max(1.0, usual)) ** 2
             better = gained > best

@@ -10,15 +10,15 @@ distinguish from the law. For example, the straight part of a table over velocit
 damper's, so forms are distinguished by their curvature, and may have any straight part that C
 allows. A form with k numbers costs d^2 + k ln m for m points. It is within the band if chance makes
 d^2 as large in one of a hundred fits. The form of least cost is reported, with those that cannot be
-distinguished from it (`close` in the settings). Of those of equal cost (`even`: "not worth more
-than a bare mention", Kass & Raftery 1995) it is the one with the fewest numbers, and of these the
-simplest, in the order of `FORMS`.
+distinguished from it (`close` in the settings). Of forms of equal cost (`even`: "not worth more
+than a bare mention", Kass & Raftery 1995), the one with the fewest numbers comes first, and of
+these the first in `FORMS`.
 
 The forms are those that engineers use: straight lines, powers, a drag of two powers, saturations
 (tanh, arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; over
-velocity and together with a friction, frictions with a damper, a power, a saturation or a fall
-beside them; for a periodic law, as many harmonics as necessary. Limits: a curve of ten points
-determines few numbers. A form describes the range that was seen, and is not a law beyond it.
+velocity, if friction is part of the curve, frictions with a damper, a power, a saturation or a fall
+beside them; for a periodic law, up to five harmonics. Limits: a curve of ten points determines few
+numbers. A form describes the range that was seen, and is not a law beyond it.
 """
 
 import math
@@ -31,25 +31,26 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from zwidth.diagnosis.settings import LAWS as SETTINGS
+from zwidth.shown import Valued
 
 Floats = NDArray[np.float64]
-COARSE = 5e-3  # of the largest point: what the curve between points errs by, they carry
+COARSE = 5e-3  # of the largest point: error of the curve between points, added to theirs
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
 WIDTHS = (1e-2, 1e2)
 SINES = (0.05, 0.07, 0.1, 0.15, 0.25, 0.4, 0.7)  # of the range, for a period over 2 pi
-SUMS = {2: "two", 3: "three", 4: "four", 5: "five"}  # harmonics of what repeats
+SUMS = {2: "two", 3: "three", 4: "four", 5: "five"}  # harmonics of a periodic law
 HARMONICS = ("a", "b", "d", "e", "g", "h", "i", "j", "k", "l")  # their sines and cosines
 STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
 
 
 @dataclass(frozen=True)
-class Form:
-    """A form: its law at states given the linear factors' columns, and how it is written.
+class Form(Valued):
+    """A form of a law: its text, and its columns by the linear factors.
 
-    columns(s, shape): the factors of the linear numbers, (points, factors); shape: the nonlinear
-    numbers, over the range R of the states, from `starts`. rubs: has a step at rest, as only
-    friction has; turns: of a periodic law, `w` is the period over 2 pi.
+    columns(s, shape): the columns of the linear numbers, (points, factors); shape: the nonlinear
+    numbers, fitted from `starts` (relative to the range of the states). rubs: has a step at rest,
+    as only friction has; turns: is periodic, with the period 2 pi w.
     """
 
     name: str
@@ -64,8 +65,8 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Formula:
-    """A form fitted to a law: its numbers by name, its distance, and what it costs."""
+class Formula(Valued):
+    """A form fitted to a law: its numbers by name, its distance, cost and chance."""
 
     form: Form
     numbers: dict[str, float]
@@ -75,17 +76,17 @@ class Formula:
 
     @property
     def within(self) -> bool:
-        """Whether the law's band holds it."""
+        """Whether the formula is within the law's band."""
         return self.chance > SETTINGS.within
 
     def at(self, states: Floats) -> Floats:
-        """Return it at some states (...,)."""
+        """Return the formula's values at states (...,)."""
         shape = np.array([self.numbers[n] for n in self.form.shape])
         factors = np.array([self.numbers[n] for n in self.form.factors])
         return self.form.columns(np.asarray(states, dtype=np.float64), shape) @ factors
 
     def text(self, state: str) -> str:
-        """Return it as a formula of a state's letter, with its numbers."""
+        """Return the formula as text, with its numbers, over a state's letter."""
         numbers = {name: f"{value:.3g}" for name, value in self.numbers.items()}
         return self.form.text.format(s=state, **numbers).replace("+ -", "- ").replace("- -", "+ ")
 
@@ -104,7 +105,7 @@ def _harmonics(s: Floats, w: float, count: int) -> Floats:
 
 
 def _sum_text(count: int, times: str, number: str, state: str) -> str:
-    """A sum of harmonics of s / w, its numbers written as `number` says."""
+    """A sum of harmonics of s / w, its numbers written in the format `number`."""
     text = number.format("c")
     for k in range(1, count + 1):
         turn = f"{'' if k == 1 else f'{k}{times}'}{state} / {number.format('w')}"
@@ -114,7 +115,7 @@ def _sum_text(count: int, times: str, number: str, state: str) -> str:
 
 
 def _sum_of(count: int) -> Form:
-    """The form of so many harmonics."""
+    """The form with a number of harmonics."""
     return Form(
         f"sum of {SUMS[count]} harmonics", _sum_text(count, " ", "{{{}}}", "{s}"),
         ("c", *HARMONICS[: 2 * count]), ("w",), lambda s, t: _harmonics(s, t[0], count),
@@ -196,8 +197,8 @@ FORMS = (
 )  # fmt: skip
 
 
-# Each form as the formula of an effect (`sim/physics/own.py`) over a state s, and the powers of the
-# state by which its factors are less than the law.
+# Each form as the formula of an effect (`sim/physics/own.py`) over a state s. The unit of a factor
+# is that of the law divided by these powers of the state's unit.
 LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
     "straight line": ("a * s", (1,)),
     "offset": ("c", (0,)),
@@ -252,13 +253,13 @@ def formulas(
     period: float = 0.0,
     rubs: bool = False,
 ) -> list[Formula]:
-    """Return the formulas near a law, the likeliest first, with those not distinguished from it.
+    """Return the formulas near a law, the most likely first, and those not distinguished from it.
 
-    states, forces (points,): of the law, covariance (points, points) of the forces. odd: of |s|.
-    period: of a periodic law, whose forms are harmonics; rubs: whether friction is part of it.
-    Empty if no form is within the band.
+    states, forces (points,): of the law, covariance (points, points) of the forces. odd: whether
+    the table is over |s|. period: of a periodic law, whose forms are harmonics; rubs: whether
+    friction is part of the law. Empty if no form is within the band.
     """
-    if odd:  # nothing at nothing is known for certain, and says nothing
+    if odd:  # an odd law is zero at zero, which carries no information
         states, forces, covariance = states[1:], forces[1:], covariance[1:, 1:]
     size = float(np.abs(forces).max())
     if size == 0.0 or states.size < 2:
@@ -286,7 +287,7 @@ def formulas(
 def _fitted(
     form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
 ) -> Formula | None:
-    """A form at its nearest to a law; None if the law has too few points for its numbers."""
+    """A form fitted to a law; None if the law has too few points for the numbers."""
     count = len(form.factors) + (len(form.shape) if period == 0.0 else 0)
     if states.size <= count:
         return None

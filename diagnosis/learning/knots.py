@@ -1,8 +1,8 @@
 """Chooses the number of points of a learned table, and whether it is odd or acts in one direction.
 
-A fit of a table of many points knows their forces f with the precision P, all else free: with the
-information A, P = A_ff - A_fo A_oo^-1 A_of. A table of fewer numbers g with f = B g (fewer points,
-or an odd law, which is one of |s|) costs to second order
+A fit of a table of many points determines their forces f with the precision P, all else free: with
+the information A, P = A_ff - A_fo A_oo^-1 A_of. A table of fewer numbers g with f = B g (fewer
+points, or an odd law over |s|) costs to second order
 
     (f - B g)' P (f - B g) + ln det B'PB + 2 sum_k ln range_k - k ln 2 pi,    range_k ~ |g_k|,
 
@@ -10,14 +10,14 @@ minimised over g, as `selection.evidence` rates every hypothesis. So one fit sho
 points are removed one at a time, always the one that costs least, and the cheapest table is fitted.
 
 If no hypothesis is true, a likelihood is overconfident by the factor phi of `evidence.compared`. P
-is then divided by it, and so is the gain of a fit (`tempered`). Otherwise a table of sixteen points
-follows errors that have nothing to do with its state.
+and the gain of a fit are then divided by phi (`tempered`). Otherwise a table of sixteen points fits
+errors that do not depend on its state.
 
 A law that only rises, or only falls, has steps of one sign: its numbers are its first value and its
-steps, which are as likely in every octave as all magnitudes are. Steps are smaller than levels, so
-such a law costs less where it is true, by 2 sum ln |g_k| / |g_k - g_(k-1)|. The constraint is
-applied in the same second order. Limit: it is not applied if a constant in the law is equivalent to
-another origin.
+steps, each equally likely in every octave like all magnitudes. Steps are smaller than levels, so
+such a law costs less if it is true, by 2 sum ln |g_k| / |g_k - g_(k-1)|. The constraint is also
+applied to second order. Limit: it is not applied if a constant in the law is equivalent to another
+origin.
 """
 
 import math
@@ -37,18 +37,18 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import FORCE, points_of
 
 Floats = NDArray[np.float64]
-FEWEST = {False: 3, True: 2}  # points, of laws that are not odd and of those that are
+FEWEST = {False: 3, True: 2}  # points of a law, by whether it is odd
 REFINED = 3  # times that points are put between those that pay
-ODD = 12  # points of an odd law at least, of which those that pay stay
-JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of forces may be unknown
+ODD = 12  # least initial points of an odd law, before those that do not pay are removed
+JUDGED = 1e-9  # of the largest of P, added to its diagonal, since a sum of forces may be unknown
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a fit knows about its last table: indices in x, scales, forces, precision P.
+    """The last table of a fit: indices in x, scales, forces, and their precision P.
 
-    held: whether one of its points is fixed, because a constant is equivalent to another origin; P
-    is then of differences.
+    others, follows: as in `precision_of`. held: whether one point is fixed, because a constant is
+    equivalent to another origin; P is then that of differences.
     """
 
     which: NDArray[np.int64]
@@ -61,10 +61,7 @@ class Known:
 
 
 def tempered(h: Hypothesis, phi: float) -> float:
-    """Return the cost of a hypothesis if likelihoods are overconfident by phi, in -2 ln.
-
-    Misfit and information, and so ln det A of all its parameters, are divided by phi.
-    """
+    """Return the cost of a hypothesis with misfit and information divided by phi, in -2 ln."""
     return h.cost.total - (1.0 - 1.0 / phi) * h.cost.misfit - h.x.size * math.log(phi)
 
 
@@ -74,11 +71,11 @@ def refined(
     pays: Callable[[Hypothesis, float], Hypothesis],
     finer: Callable[[Hypothesis], Hypothesis],
 ) -> Hypothesis:
-    """Return a law with the points that pay, and with those between them that do, in turn.
+    """Return a law with the points that pay, after adding points between them and removing again.
 
-    Some points are removed where little happens, and their neighbours move towards where much does:
-    to a corner, or to a bump narrower than the original spacing. pays: the law of the points that
-    pay for some phi; finer: one of more points, or the same if these are not believed.
+    So points gather where the law bends: at a corner, or at a bump narrower than the original
+    spacing. pays: returns the law with the points that pay for some phi; finer: returns a law with
+    more points, or the same if these are not believed.
     """
     best = h = pays(h, phi)
     for _ in range(REFINED):
@@ -92,11 +89,7 @@ def refined(
 
 
 def known(h: Hypothesis, phi: float = 1.0) -> Known:
-    """Return what a fitted hypothesis knows about the forces of its last effect.
-
-    follows (others, forces): how far the other parameters' x move with a force. phi: the factor by
-    which its likelihood is overconfident.
-    """
+    """Return the last table of a fit with its precision; phi: overconfidence of the likelihood."""
     last = len(h.model.effects) - 1
     own = [
         (j, p.scale, p.key)
@@ -112,7 +105,7 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
     if which.size == count - int(is_odd(law)):
         return Known(which, scales, forces, p, others, follows)
     apart = np.eye(count)
-    apart[:, held(count)] -= 1.0  # of all points from the one that is held
+    apart[:, held(count)] -= 1.0  # differences of all points from the fixed one
     apart = np.delete(apart, held(count), axis=0)
     every = np.array([f for _, f in points_of(law.values)])
     return Known(which, scales, every, apart.T @ p @ apart, others, follows, held=True)
@@ -123,8 +116,8 @@ def precision_of(
 ) -> tuple[Floats, NDArray[np.int64], Floats]:
     """Return the precision (numbers, numbers) of parameters in their own units, all else free.
 
-    which: their indices in x, in units of their scales. Also the indices of the others, and how far
-    each of these moves with each number, (others, numbers).
+    which: their indices in x, in units of their scales. Also returns the indices of the others, and
+    how far each of these moves with each number, (others, numbers).
     """
     assert h.slopes is not None
     others = np.setdiff1d(np.arange(h.x.size), which)
@@ -138,10 +131,7 @@ def precision_of(
 
 
 def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, float]:
-    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and their cost.
-
-    basis (numbers, fewer), target (numbers,) known with a precision (numbers, numbers).
-    """
+    """Return y (fewer,) with basis @ y nearest to a target of known precision, and its cost."""
     a = basis.T @ precision @ basis
     y = np.asarray(
         np.linalg.lstsq(a, basis.T @ precision @ target, rcond=1e-12)[0], dtype=np.float64
@@ -155,18 +145,14 @@ def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, f
 
 @dataclass(frozen=True)
 class Shape:
-    """A table of fewer numbers: its law, and its cost compared with others of the same fit."""
+    """A table with fewer numbers, and its cost relative to others of the same fit."""
 
     law: Physics
     cost: float
 
 
 def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
-    """Return the cheapest table that is not odd and the cheapest odd one, if there are any.
-
-    h: a fit whose last effect is a table of many points; seen (samples,): the states; phi: the
-    factor by which its likelihood is overconfident.
-    """
+    """Return a fit's cheapest table that is not odd, and the cheapest odd one, if possible."""
     law = h.model.effects_at(h.x)[-1]
     there, states = known(h, phi), np.array(points_of(law.values))[:, 0]
     if is_odd(law):
@@ -179,7 +165,7 @@ def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
 
 
 def spared(h: Hypothesis, seen: Floats) -> float:
-    """Return how much less a hypothesis would cost with the points that pay; as `shapes`."""
+    """Return how much less a hypothesis would cost with only the points that pay (`shapes`)."""
     law = h.model.effects_at(h.x)[-1]
     states = np.array(points_of(law.values))[:, 0]
     now = _priced(law, known(h), states, states, is_odd(law)).cost
@@ -187,7 +173,7 @@ def spared(h: Hypothesis, seen: Floats) -> float:
 
 
 def _fewer(law: Physics, there: Known, states: Floats, begin: Floats, odd: bool) -> Shape:
-    """The points of a table that pay, of those that it begins with; its ends stay."""
+    """The table with the initial points that pay; its ends stay."""
     best = _priced(law, there, states, begin, odd)
     cheapest = best
     while best.at.size > FEWEST[odd]:
@@ -251,7 +237,7 @@ def _at(h: Hypothesis, x: Floats) -> Hypothesis:
 
 
 def _steps(count: int) -> Floats:
-    """Rows that make steps of forces; the first is from nothing."""
+    """Rows that compute steps of forces; the first step is from zero."""
     rows = np.eye(count)
     rows[1:, :-1] -= np.eye(count - 1)
     return rows
@@ -269,7 +255,7 @@ def _nearest_one_way(there: Known, way: float, first: float | None) -> Floats:
     sums = np.tril(np.ones((count, count)))  # forces from steps
     root = np.linalg.cholesky(there.precision).T
     low, high = np.zeros(count), np.full(count, np.inf)
-    if first is None:  # a level of its own
+    if first is None:  # the first level is free
         low[0] = -np.inf
     else:  # from nothing
         low[0] = 0.0

@@ -12,7 +12,7 @@ STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_s
 ENTERS = {"free_amplifier": "command", "free_sensor": "sensor"}
 OVER = {"free_spring": "position", "free_damper": "velocity", "free_amplifier": "command",
         "free_sensor": "position"}  # fmt: skip
-WIDER = 100.0  # times what was found, between which it is sought
+WIDER = 100.0  # bounds of a parameter, relative to its fitted value
 
 
 OF_STATE = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
@@ -22,8 +22,8 @@ SECOND = "_2"  # after the names of the second formula of a law of two
 def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float], said: str) -> str:
     """Return the file of an effect `name`, from a learned law and its formula.
 
-    effect: the law's ("free_damper"); form, numbers: of the formula; said: its origin. Raises
-    ValueError for an unknown form.
+    effect: of the law ("free_damper"); form, numbers: of the formula; said: its origin, in words.
+    Raises ValueError for an unknown form.
     """
     made = _length if effect == "free_sensor" else _force
     formula, parameters = _part(effect, form, numbers, made)
@@ -38,11 +38,11 @@ def law_of_two_text(
     said: str,
     shifts: bool = False,
 ) -> str:
-    """Return the file of an effect that is one formula over a state times one over another.
+    """Return the file of an effect that is a formula over one state times one over another.
 
-    states: two of position, velocity and command; forms: form and numbers of each, of which the
-    first gives the force. shifts: the second is added to the first one's state instead. Raises
-    ValueError for an unknown form.
+    states: two of position, velocity and command; forms: form and numbers for each; the first gives
+    the force. shifts: the second is added to the first state instead. Raises ValueError for an
+    unknown form.
     """
     makes = partial(_state, OF_STATE[states[0]]) if shifts else _number
     formulas: list[str] = []
@@ -86,9 +86,9 @@ def _text(
 def _part(
     effect: str, form: str, numbers: Mapping[str, float], made: Callable[[bool], str]
 ) -> tuple[str, dict[str, dict[str, object]]]:
-    """A formula over the state of a law, and its parameters. made: unit of its value."""
+    """A formula over the state of a law, and its parameters. made: the unit of its value."""
     if form not in LAWS:
-        raise ValueError(f"form is {form!r}; allowed is {', '.join(LAWS)}")
+        raise ValueError(f"form is {form!r}; it must be one of {', '.join(LAWS)}")
     own = next(f for f in FORMS if f.name == form)
     law, powers = LAWS[form]
     parameters: dict[str, dict[str, object]] = {}

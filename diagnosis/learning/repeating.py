@@ -1,17 +1,16 @@
 """Finds whether a learned law is periodic in its state, and its period.
 
-A table of about thirty points covers few periods of a periodic law; one period of it covers them
+A table of about thirty points covers few periods of a periodic law; a table of one period covers
 all. So for a fitted law with forces f at points s, of precision P, the period L is sought for which
 
     g(s) = c + d s + a sin(2 pi s / L) + b cos(2 pi s / L)
 
 is nearest to f in (f - g)' P (f - g), over all L of which the range contains at least `WAVES`
-periods, down to twice the smallest distance of points. If it explains half of the part of f that is
-not straight, tables of one period start there (the straight part is left to damper, spring or
-scale), with a free period, and cost what every hypothesis costs.
+periods, down to twice the smallest distance of points. If g explains half of the part of f that is
+not straight, tables of one period start there (without the straight part, which is a damper, spring
+or scale), with a free period, and are priced like every hypothesis.
 
-Limit: points that are further apart than half a period leave several equivalent L, of which the
-best few are fitted.
+Limit: points further apart than half a period leave several equivalent L; the best few are fitted.
 """
 
 import math
@@ -27,19 +26,16 @@ from zwidth.sim.physics.free_law import points_of
 from zwidth.sim.physics.sizes import WAVES
 
 Floats = NDArray[np.float64]
-MOST = 60.0  # turns over the range of the points, that are asked
-FINE = 8  # of them for each turn more
-OF_A_TURN = 12  # points of what repeats: six harmonics
+MOST = 60.0  # periods over the range of the points, at most
+FINE = 8  # trials for each further period
+OF_A_TURN = 12  # points of a period: six harmonics
 BEGUN = 2  # periods that are fitted
-HALF = 0.5  # of what bends in a law, that a sine must hold
-QUARTER = 0.25  # of a turn over the range, by which a period's scale changes how many there are
+HALF = 0.5  # of the part of a law that is not straight, which a sine must explain
+QUARTER = 0.25  # change in the number of periods over the range by one scale of a period
 
 
 def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
-    """Return laws of one period near the last table of a fit, the nearest first.
-
-    Each with the scale of its period. Empty for a table that is odd, or periodic already.
-    """
+    """Return laws of one period near a fit's last table, each with its scale, the nearest first."""
     law = h.model.effects_at(h.x)[-1]
     if is_odd(law) or law.values["period"] > 0.0:
         return []

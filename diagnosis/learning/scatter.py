@@ -2,20 +2,20 @@
 
 An observer of one gain assumes that innovations are equally large everywhere. With a nonsmooth law
 they are not: at an impact in a link with play, or at a reversal with friction, an error of the
-state that elsewhere changes a thousandth decides how the device continues. So the same observer is
-run again on the recording plus noise v_k of the innovations' own size, and
+state that is elsewhere negligible decides how the device continues. So the same observer is run
+again on the recording plus noise v_k of the innovations' own size, and
 
     s_t = mean over k and over `TICKS` about t of |r_t(y + v_k) - r_t(y)|^2
 
-gives the sensitivity to errors at t; for a linear device it is constant. Ticks of similar s form
+gives the sensitivity to errors at t, which is constant for a linear device. Ticks of similar s form
 one class (`CLASSES` classes of equal size), whose innovations are divided by their own root mean
 square. They then have variance 1 in every class, and an event stands out among similar states.
-Measured on two masses with play, read every 5 ms: 0.85 in 14 of 16 classes, 1.3 and 1.8 in the two
-most sensitive, which contained the peaks of all false alarms.
+Their root mean squares on two masses with play, read every 5 ms: 0.85 in 14 of 16 classes, 1.3 and
+1.8 in the two most sensitive, which contained the peaks of all false alarms.
 
-Limits: an event counts in its class; alone in it, its gain is at most the number of ticks of the
-class, which is far above what chance reaches. Errors of laws, as opposed to errors of the state,
-are only covered if they fall in the same classes.
+Limits: an event raises the scatter of its own class, so its gain is at most the number of ticks of
+the class, which is far beyond chance. Errors of laws, as opposed to errors of the state, are only
+covered if they fall in the same classes.
 """
 
 from collections.abc import Sequence
@@ -37,10 +37,7 @@ SEED = 0
 
 
 def scatter_in_like_states(h: Hypothesis, apart: Sequence[NDArray[np.bool_]]) -> list[Floats]:
-    """Return the scale of the whitened innovations of each recording (ticks, o), 1 on average.
-
-    apart (ticks,) of each: known events, which are excluded here.
-    """
+    """Return the scale (ticks, o) of whitened innovations, 1 on average; apart: known events."""
     outputs, row = h.noise.observer.deviation.size, 0
     residual: list[Floats] = []
     for e in h.experiments:
@@ -73,7 +70,7 @@ def _sensitivity(h: Hypothesis) -> Floats:
 
 
 def _scales(residual: Floats, sensitivity: Floats, kept: NDArray[np.bool_]) -> Floats:
-    """Root mean square (samples, o) of the class of each sample, over that of all."""
+    """Root mean square (samples, o) of the class of each sample, relative to that of all."""
     found = np.ones(residual.shape)
     for o in range(residual.shape[1]):
         whole = float(np.mean(residual[kept, o] ** 2))

@@ -1,8 +1,8 @@
 """The force of a law in steady motion over one state, for comparison with other curves.
 
 The force at a place over velocity is the sum of all laws there that depend on it: friction, a drag,
-a table. Sliding dry friction is at its bound; a fully bent bristle has the force of its level. A
-law that also depends on another state, or on the path, is not part of such a sum, and is left out.
+a table. Sliding dry friction is at its bound, and a fully bent bristle has the force of its level.
+A law that also depends on another state, or on the path, is left out.
 """
 
 import numpy as np
@@ -24,15 +24,15 @@ from zwidth.sim.physics.points import named_states
 Floats = NDArray[np.float64]
 STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 HOOKS = {"free_amplifier": "command", "free_sensor": "sensor"}
-SLIDES = ("presliding_friction",)  # of memory, which sliding exhausts
-ASIDE = ((0.0, 0.0, 0.0), (0.7, -0.4, 0.9), (-1.3, 0.8, -0.5))  # what the other states are
+SLIDES = ("presliding_friction",)  # laws with memory, which sliding exhausts
+ASIDE = ((0.0, 0.0, 0.0), (0.7, -0.4, 0.9), (-1.3, 0.8, -0.5))  # trial values of the other states
 SAME = 1e-9
 
 
 def along(law: Physics, curve: str, at: Floats) -> Floats | None:
     """Return the force of a law at states (points,) of a curve, such as "free_damper".
 
-    None if it enters elsewhere than such a curve does, or depends on more than that state.
+    None if the law enters elsewhere than such a curve, or depends on more than that state.
     """
     if is_table(law.effect.parameters):
         return law_at(law, at) if law.effect.name == curve else None
@@ -70,7 +70,7 @@ def _gives(
             return float(amplified(code, u, p)) - u
         case "sensor":
             return float(sensed(code, q, p)) - q
-        case _ if is_over_states(code):  # over one state that is no time
+        case _ if is_over_states(code):  # over one state, and not time
             return float(force_over_states(code, q, v, u, 0.0, p))
         case _:
             return float(smooth_force(code, q, v, 0.0, u, u, 1.0, p))

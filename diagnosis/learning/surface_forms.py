@@ -1,15 +1,15 @@
 """The forms of a law over two states: a grid of forces, and two tables, as product or as shift.
 
-All surfaces are started, fitted, reduced and drawn in the same way. Only the differences are here:
-which of their numbers are free, what each adds to the force, and what a law of fewer points makes
-of them. Such a law has numbers y, from which the numbers of the full one are z = offset + basis y.
+All surfaces are started, fitted, reduced and drawn in the same way. The forms differ in which
+numbers are free, how each changes the force, and how fewer numbers y give those of the full law, z
+= offset + basis y.
 
 A recording does not visit all of a grid: of two oscillating states, the corners are seldom reached.
 Only forces that are nearest to some sample are free; the others interpolate and extrapolate them
 smoothly (the discrete Laplace equation, `filled`), and carry no information. If another origin of
-positions is equivalent to a constant, one force is fixed. Of a product only the product is known,
-so one number of its second table is fixed. Of a shift, another origin of the shifted state is
-equivalent, so one shift is fixed.
+positions is equivalent to a constant, one force is fixed. One number of the second table of a
+product is fixed, since only the product is known. One shift is fixed, since another origin of the
+shifted state is equivalent.
 """
 
 from abc import ABC, abstractmethod
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from zwidth.diagnosis.learning.tables import MET, left_out_of
+from zwidth.shown import Valued
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import counts_at, force_at, grid_of, grid_values
@@ -40,17 +41,17 @@ from zwidth.sim.place import place_at
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 Seen = NDArray[np.bool_]
-OF_A_SHARE = 0.3  # scale of a number that a force is taken times, of which the largest is one
-OF_A_RANGE = 0.1  # of the range of what is shifted: scale of a shift
-NARROW = 1e-4  # of the range of a table, over which its slope is told
+OF_A_SHARE = 0.3  # scale of a factor of a force; the largest factor is 1
+OF_A_RANGE = 0.1  # of the range of the shifted state: scale of a shift
+NARROW = 1e-4  # of the range of a table, over which its slope is computed
 
 
 @dataclass(frozen=True)
 class Field:
-    """A candidate for a surface: place, two states, the samples of them (samples, 2).
+    """A candidate for a surface: place, two states, and their samples (samples, 2).
 
-    makes: prior size of a force of it. floats: whether another origin of positions is equivalent to
-    a constant.
+    makes: prior size of its forces. floats: whether a constant is equivalent to another origin of
+    positions.
     """
 
     at: str
@@ -61,7 +62,7 @@ class Field:
 
     @property
     def name(self) -> str:
-        """The pair and the place, as people read them."""
+        """The states and the place in words."""
         return f"{' and '.join(in_words(self.over, self.at))} at {self.at}"
 
     def along(self, over: tuple[str, str]) -> tuple[Floats, Floats]:
@@ -79,9 +80,9 @@ def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
 
 
 class Fewer(NamedTuple):
-    """A law of fewer points: its numbers y give the full ones as offset + basis y.
+    """A law of fewer points, whose numbers y give the full ones as offset + basis y.
 
-    basis (numbers, fewer), offset (numbers,): of the free ones; law: the law of numbers y.
+    basis (numbers, fewer), offset (numbers,): for the free numbers; law: returns the law of y.
     """
 
     basis: Floats
@@ -89,11 +90,8 @@ class Fewer(NamedTuple):
     law: Callable[[Floats], Physics]
 
 
-class Form(ABC):
-    """A law over two states.
-
-    names: of all its numbers; sizes: how many points it has along either state.
-    """
+class Form(ABC, Valued):
+    """A law over two states; names: of its numbers; sizes: its points along either state."""
 
     names: tuple[str, ...]
     sizes: tuple[int, int]
@@ -126,14 +124,14 @@ class Form(ABC):
         """Return the law with some of its points along either state, including those in `kept`."""
 
     def centred(self, field: Field) -> Physics:
-        """Return an equivalent law, its arbitrary constants as people would choose them."""
+        """Return an equivalent law with a conventional choice of its arbitrary constants."""
         return self.law
 
     @abstractmethod
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it for positions counted from `by` below, plus a constant force.
+        """Return the law with position points shifted up by `by`, plus a constant force `more`.
 
-        None if it depends on no position, or a constant has no place in it.
+        None if the law depends on no position, or cannot contain a constant.
         """
 
 
@@ -169,10 +167,7 @@ def tables_of(over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats)
 
 
 def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
-    """Return which points of a grid (rows, columns) are determined: nearest to enough samples.
-
-    states (samples, 2).
-    """
+    """Return which points of a grid (rows, columns) are nearest to enough samples (samples, 2)."""
     edges = [0.5 * (axis[1:] + axis[:-1]) for axis in (rows, columns)]
     i, j = (np.searchsorted(edge, s) for edge, s in zip(edges, states.T, strict=True))
     count = np.bincount(i * columns.size + j, minlength=rows.size * columns.size)
@@ -180,10 +175,7 @@ def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
 
 
 def filled(forces: Floats, known: Seen) -> Floats:
-    """Return a grid (rows, columns) whose unknown forces are interpolated smoothly.
-
-    Each is the mean of its neighbours; the known ones stay.
-    """
+    """Return a grid with unknown forces interpolated: each is the mean of its neighbours."""
     if known.all() or not known.any():
         return forces
     rows, columns = forces.shape
@@ -230,7 +222,7 @@ class GridForm(Form):
         return np.hypot(along, across).ravel()
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it for positions counted from `by` below, plus a constant force."""
+        """Return the law with position points shifted up by `by`, plus a constant force `more`."""
         if "position" not in self.grid.over:
             return None
         rows, columns = (
@@ -240,17 +232,17 @@ class GridForm(Form):
         return grid(field, rows, columns, self.grid.values + more)
 
     def told(self, field: Field) -> Seen:
-        """Return which of its forces the recordings determine."""
+        """Return which forces the recordings determine."""
         return told(field.states, self.rows, self.columns)
 
     def smooth(self, field: Field) -> Floats:
-        """Return its forces, with the undetermined ones interpolated smoothly."""
+        """Return the forces, with undetermined ones interpolated smoothly."""
         return filled(self.grid.values, self.told(field))
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the forces that a fit may change: the determined ones, except one if it floats."""
+        """Return the forces that a fit may change: those determined, except one if it floats."""
         free = self.told(field)
-        if field.floats and free.any():  # the one that is nearest to the middle
+        if field.floats and free.any():  # the one nearest to the middle
             i, j = np.nonzero(free)
             middle = (np.array(free.shape) - 1) / 2.0
             k = int(np.argmin((i - middle[0]) ** 2 + (j - middle[1]) ** 2))
@@ -269,7 +261,7 @@ class GridForm(Form):
         return self.told(field) & ~np.isin(self.cells, list(free))
 
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return a grid of some rows and columns; undetermined forces follow the others."""
+        """Return a grid of some rows and columns; undetermined forces are interpolated."""
         some = np.ix_(first, second)
         known, still = self.told(field)[some], self._held(field, free)[some]
         moves = known & ~still
@@ -290,7 +282,7 @@ class GridForm(Form):
 
 
 class TablesForm(Form):
-    """Two tables: of a force over one state, and of what the other state makes of it."""
+    """Two tables: a force over one state, and a factor or shift over the other."""
 
     def __init__(self, law: Physics) -> None:
         super().__init__(law)
@@ -302,7 +294,7 @@ class TablesForm(Form):
 
     @abstractmethod
     def of(self, field: Field, tables: TwoTables) -> Physics:
-        """Return a law of this form of other tables."""
+        """Return a law of this form with other tables."""
 
     @abstractmethod
     def seen(self, field: Field) -> tuple[Floats, Floats]:
@@ -316,8 +308,8 @@ class TablesForm(Form):
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
         """Return which number of either table is fixed; -1 for none.
 
-        The number fixed in a product was the largest when the fit began, and need not be at its
-        end.
+        The fixed number of a product was the largest at the start of the fit, not necessarily at
+        its end.
         """
         both = (LAW_FIRST[: self.states.size], LAW_SECOND[: self.beside.size])
         each = [next((k for k, n in enumerate(names) if n not in free), -1) for names in both]
@@ -328,10 +320,7 @@ class TablesForm(Form):
         """Return the variation of either table's law, in its own unit."""
 
     def coarser(self) -> tuple[int, float]:
-        """Return which of its tables, 0 or 1, misses most of its law between points, and how much.
-
-        As a share of the law's variation.
-        """
+        """Return which table, 0 or 1, has the larger error over its variation, and this ratio."""
         both = ((self.states, self.laws), (self.beside, self.others))
         misses = [
             float(np.sqrt(np.mean(left_out_of(at, laws) ** 2))) / max(varies, 1e-300)
@@ -340,7 +329,7 @@ class TablesForm(Form):
         return int(np.argmax(misses)), max(misses)
 
     def on(self, field: Field, first: Floats, second: Floats) -> Physics:
-        """Return the same law with tables of other states, each (points,)."""
+        """Return the same law with tables at other states, each (points,)."""
         f = counts_at(self.states, first) @ self.laws
         g = counts_at(self.beside, second) @ self.others
         return self.of(field, tables_of(self.tables.over, first, f, second, g))
@@ -366,10 +355,7 @@ class TablesForm(Form):
 
 
 class _Table(NamedTuple):
-    """The free numbers of a table from numbers y of fewer points: offset + basis y.
-
-    whole: all laws of the fewer points, including the fixed ones.
-    """
+    """A table by numbers y of fewer points: its free numbers are offset + basis y."""
 
     basis: Floats
     offset: Floats
@@ -392,7 +378,7 @@ class ProductForm(TablesForm):
     """A force over one state, times a number over the other."""
 
     def of(self, field: Field, tables: TwoTables) -> Physics:
-        """Return a product of other tables."""
+        """Return a product with other tables."""
         return make_physics("free_product", field.at, **two_tables_values(*tables))
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
@@ -400,11 +386,11 @@ class ProductForm(TablesForm):
         return field.along(self.tables.over)
 
     def varies(self) -> tuple[float, float]:
-        """Return the rms of either law: a product is zero if either is."""
+        """Return the rms of either law, since a product is zero if either is."""
         return float(np.sqrt(np.mean(self.laws**2))), float(np.sqrt(np.mean(self.others**2)))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """None: a constant is no product of laws, so the origin of positions is determined."""
+        """Return None: a product contains no constant, so the origin of positions is determined."""
         return None
 
     def at(self, first: Floats, second: Floats) -> Floats:
@@ -426,10 +412,10 @@ class ProductForm(TablesForm):
 
 
 class ShiftForm(TablesForm):
-    """A force over one state, which the other shifts along it."""
+    """A force over one state, shifted along it by the other."""
 
     def centred(self, field: Field) -> Physics:
-        """Return an equivalent law without shift at zero of the other state, or in its middle."""
+        """Return an equivalent law whose shift is zero at zero of the other state or its median."""
         _, second = field.along(self.tables.over)
         rest = 0.0 if second.min() < 0.0 < second.max() else float(np.median(second))
         none = float(table_at(self.tables.second, rest))
@@ -438,20 +424,20 @@ class ShiftForm(TablesForm):
         )
 
     def of(self, field: Field, tables: TwoTables) -> Physics:
-        """Return a shift of other tables."""
+        """Return a shift with other tables."""
         return make_physics("free_shift", field.at, **two_tables_values(*tables))
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return the positions of samples along either table (samples,): the first is shifted."""
+        """Return the positions of samples along either table (samples,), the first one shifted."""
         first, second = field.along(self.tables.over)
         return first + table_at(self.tables.second, second), second
 
     def varies(self) -> tuple[float, float]:
-        """Return the scatter of either law: a constant in either is another origin."""
+        """Return the scatter of either law, since a constant in either is only another origin."""
         return float(np.std(self.laws)), float(np.std(self.others))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
-        """Return it for positions counted from `by` below, plus a constant force."""
+        """Return the law with position points shifted up by `by`, plus a constant force `more`."""
         if "position" not in self.tables.over:
             return None
         a, b = (
@@ -474,7 +460,7 @@ class ShiftForm(TablesForm):
         return np.concatenate([counts_at(self.states, along), rise[..., None] * b], axis=-1)
 
     def scales(self, field: Field) -> dict[str, float]:
-        """Return the numbers that a fit may change: all but one shift, and one force if free."""
+        """Return the numbers that a fit may change: not one shift, nor one force if it floats."""
         along = OF_A_RANGE * float(np.ptp(field.along(self.tables.over)[0]))
         found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
         found |= dict.fromkeys(LAW_SECOND[: self.beside.size], along)

@@ -4,10 +4,10 @@ If a law of one state leaves much unexplained, the missing force may depend on t
 varies with position, a motor whose torque falls with speed, a detent that grows with the command.
 So a small grid of forces (`sim/physics/free_force`) is added at every place over every pair of
 position, velocity and command there (in a link: deflection, its rate, and the command), beside the
-effects of the hypotheses, and fitted for some rounds as laws of one state are (`where`). So is a
-product, started at the first singular vectors of that grid, and a law of one state that the other
-shifts, started along the likeliest straight line of both. The likeliest are fitted to the end in
-three forms (`surface_forms`),
+effects of the hypotheses, and fitted for some rounds like laws of one state (`where`). So are a
+product, started at the first singular vectors of that grid, and a shift, started along the most
+likely straight line of both states. The most likely are fitted to the end in three forms
+(`surface_forms`),
 
     a product f(a) g(b) of two tables (`free_product`), with more points where these pay,
     a shift f(a + g(b)) of two tables (`free_shift`), likewise,
@@ -16,17 +16,17 @@ three forms (`surface_forms`),
 each with the points that pay: with the precision P of the numbers z of a fitted law, a law of fewer
 numbers y, z = c + B y, costs to second order
 
-    (z - c - B y)' P (z - c - B y) + what y costs (`knots`),
+    (z - c - B y)' P (z - c - B y) + the price of y (`knots`),
 
-so that points of the tables, rows and columns of the grid, are removed one at a time, always the
-one that costs least, and the cheapest law is fitted. A form replaces names, and any law of one of
-its states, only if it is believed over them by the one criterion of `selection.evidence`. Which one
-is reported, held-out data decide (`answer.learned`).
+so points of the tables, or rows and columns of the grid, are removed one at a time, always the one
+that costs least, and the cheapest law is fitted. A form replaces named effects, and any law of one
+of its states, only if it is believed over them (`selection.evidence`). Held-out data decide which
+form is reported (`answer.learned`).
 
 Its band includes the uncertainty of its numbers, and the error of so few points, as for tables
 (`tables.left_out_of`). A plane is no law: it is a spring, a damper and a scale of the command.
-Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns; nothing over
-time, which a recording visits once and held-out data never.
+Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns; no law over
+time, since no time recurs in held-out data.
 """
 
 import itertools
@@ -74,6 +74,7 @@ from zwidth.diagnosis.selection.hypothesis import (
 )
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.settings import LAWS
+from zwidth.shown import Valued
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import SIZE, counts_at, states_over
 from zwidth.sim.physics.two_tables import LAW_FIRST, POINTS
@@ -82,11 +83,11 @@ from zwidth.sim.place import masses_and_links, place_at
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
-SEEN = 0.05  # of a law's rms, that its points miss at least where more are put between them
-# Straight shifts that are begun with: of the range of what is shifted, over that of what shifts it.
+SEEN = 0.05  # of a law's variation: with a larger error, points are put between its points
+# Slopes of initial straight shifts: in ranges of the shifted state per range of the other one.
 DRIFTS = (0.0, -1.0, -0.5, -0.25, -0.125, -0.0625, 0.0625, 0.125, 0.25, 0.5, 1.0)
-BEGUN = 4  # places and pairs at which a product is begun
-ASKED = 2  # of these, that are fitted to their end
+BEGUN = 4  # places and pairs with an initial product and shift
+ASKED = 2  # of these, fitted to the end
 Hopeful = Callable[[Hypothesis], bool]
 
 
@@ -101,19 +102,19 @@ class Begun:
 
     @property
     def misfit(self) -> float:
-        """The cost of the likeliest of them."""
+        """The misfit of the most likely form."""
         known = (self.grid, self.product, self.shift)
         return min(h.cost.misfit for h in known if h is not None)
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(Valued):
     """A learned surface, and its relation to the named effects.
 
-    physics: a grid or a product. free (numbers,): the parameters that the recordings determine,
-    with their covariance (numbers, numbers). seen (samples, 2): the states that were visited.
-    names: effects that stay beside it; replaced: those that are not needed beside it. gained: over
-    the best without it, decrease of -2 ln likelihood, less all penalties.
+    physics: a grid, product or shift. free (numbers,): the parameters that the recordings
+    determine, with their covariance (numbers, numbers). seen (samples, 2): the visited states.
+    names: effects that stay beside the surface; replaced: effects not needed beside it. gained:
+    decrease of -2 ln likelihood over the best without it, less all penalties.
     """
 
     physics: Physics
@@ -127,23 +128,23 @@ class Surface:
 
     @property
     def form(self) -> Form:
-        """The form that it has."""
+        """The form of the surface."""
         return form_of(self.physics)
 
     @property
     def shifts(self) -> bool:
-        """Whether it is a law of one state that the other shifts."""
+        """Whether the surface is a law of one state, shifted by the other."""
         return isinstance(self.form, ShiftForm)
 
     @property
     def states(self) -> tuple[str, str]:
-        """Its two states by their names in a device file."""
+        """The two states by their names in a device file."""
         first, second = states_over(self.physics.values)
         return first, second
 
     @property
     def over(self) -> tuple[str, str]:
-        """Its two states in words."""
+        """The two states in words."""
         first, second = in_words(self.states, self.physics.at)
         return first, second
 
@@ -168,11 +169,11 @@ class Surface:
 def surfaces(
     found: Search, than: Sequence[Hypothesis], say: Say, hopeful: Hopeful
 ) -> Iterator[Iterator[Surface]]:
-    """Yield, for each place and pair of states, surfaces that are believed, the likeliest first.
+    """Yield, for the most likely places and pairs of states, the surfaces that are believed.
 
-    They are sought over the named effects and other learned laws, one of each form, computed on
-    demand. than: what a surface is compared with, the named effects and laws of one state. hopeful:
-    whether all the points of a form are worth the search for those that pay.
+    There is at most one of each form, computed on demand. than: hypotheses that a surface is
+    compared with, with the named effects and with laws of one state. hopeful: whether a form with
+    all its points is worth the search for those that pay.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     everywhere: list[Begun] = []
@@ -185,17 +186,17 @@ def surfaces(
         likeliest.setdefault((one.field.at, one.field.over), []).append(one)
     least = min(than, key=lambda h: h.cost.total)
     for each in itertools.islice(likeliest.values(), ASKED):
-        say(f"learning a law over {each[0].field.name}")
+        say(f"learning a law that depends on {each[0].field.name}")
         yield _of_each_form(found, each, least, hopeful)
 
 
 def _of_each_form(
     found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
-    """Yield a believed product, shift and grid, beside the names or in place of all.
+    """Yield a believed product, shift and grid, beside the named effects or in place of all.
 
-    Named effects that were found without a law have imitated what they can of it, so that the law
-    beside them may look different; the likelier of both is reported.
+    Named effects that were found first have imitated parts of the law, so the law beside them may
+    look different; the more likely of both is yielded.
     """
     for make in (_as_product, _as_shift, _as_grid):
         ends: list[Hypothesis] = []
@@ -210,9 +211,9 @@ def _of_each_form(
 def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
     """The same law with the device file's origin, and a shift that is zero at rest.
 
-    As for laws of one state: over a position of the first mass on a spring, the law shifted to
-    another origin d with a constant k d is equivalent, and the data do not decide. Limits: if
-    nothing else depends on a position.
+    As in `curves`, a law over the position of the first mass on a spring k, shifted to another
+    origin d plus a constant k d, is equivalent, and the data do not decide. Limits: only if no
+    other effect is present.
     """
     swings, k = {e.swing for e in h.experiments}, h.model.build(h.x).chain.ground_spring
     tied = field.at == "m1" and k > 0.0 and len(h.model.effects) == 1 and len(swings) == 1
@@ -228,14 +229,14 @@ def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
 
 
 def _counts(over: tuple[str, str]) -> Floats:
-    """Return 1.0 of the two states that is a position, which has an origin, and 0.0 of others."""
+    """Return 1.0 for a state with an origin, which is a position, and 0.0 for others."""
     return np.array([float(name == "position") for name in over])
 
 
 def _shaped(
     make: Callable[[Begun], Hypothesis | None], one: Begun, least: Hypothesis, hopeful: Hopeful
 ) -> Hypothesis | None:
-    """A form with the points that pay; None if free runs with all its points do not improve."""
+    """A form with the points that pay; None if free runs with all points are not hopeful."""
     full = make(one)
     if full is None or not hopeful(full):
         return None
@@ -244,10 +245,7 @@ def _shaped(
 
 
 def _finer(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with a point between each two of one table, if these are believed.
-
-    Of the table whose points determine their law least; a grid has all of its points.
-    """
+    """The law with a point between each two of its coarser table, if these are believed."""
     form = form_of(_last(h))
     if not isinstance(form, TablesForm):
         return h
@@ -265,7 +263,7 @@ def _finer(h: Hypothesis, field: Field) -> Hypothesis:
 
 
 def _begun_everywhere(base: Hypothesis) -> list[Begun]:
-    """Small zero surfaces at every place and pair, after some rounds of a fit: the likeliest."""
+    """The most likely of small surfaces at every place and pair, after some rounds of a fit."""
     if base.slopes is None:
         return []
     grids: list[tuple[Field, Hypothesis]] = []
@@ -283,7 +281,7 @@ def _begun_everywhere(base: Hypothesis) -> list[Begun]:
 
 
 def _fields(base: Hypothesis) -> Iterator[Field]:
-    """Every place and pair of states, as a hypothesis predicts them."""
+    """Every place and pair of states that are visited again, as a hypothesis predicts them."""
     device = base.model.build(base.x)
     chain = device.chain
     gain = base.model.reads(base.x).gain
@@ -302,7 +300,7 @@ def _fields(base: Hypothesis) -> Iterator[Field]:
 
 
 def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict[str, list[Floats]]:
-    """The states on which a law at a place may depend, in each recording (samples,), by name."""
+    """The states on which a law at a place may depend, by name, in each recording (samples,)."""
     n = moved[0].shape[1] // 2
     i, j = place_at(at).ends
 
@@ -322,7 +320,7 @@ def _states_seen(h: Hypothesis, at: str, over: Sequence[str]) -> Floats:
 
 
 def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
-    """Points of either state, at most as many as its values; None if one has no range."""
+    """Points of either state, fewer if it has few values; None if one has no range."""
     first, second = (points_over(seen, count, False) for seen in field.states.T)
     return None if first is None or second is None else (first, second)
 
@@ -330,7 +328,7 @@ def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
 def _beside(
     base: Model, x: Floats, field: Field, law: Physics, only: Collection[str] = ()
 ) -> tuple[Model, Floats]:
-    """Return a model with a surface, and its x for the given values; only: which may change."""
+    """Return a model with a surface, and its x; only: numbers that are free, all by default."""
     scales = form_of(law).scales(field)
     scales = {name: scales[name] for name in scales if not only or name in only}
     return with_law(base, x, law, scales)
@@ -350,7 +348,7 @@ def _in_its_place(h: Hypothesis, field: Field, law: Physics) -> Hypothesis | Non
 
 
 def _finite(h: Hypothesis) -> Hypothesis | None:
-    """A hypothesis; None if the recordings do not determine all of its numbers."""
+    """A hypothesis; None if the recordings do not determine all of its parameters."""
     return h if np.isfinite(h.cost.total) else None
 
 
@@ -359,9 +357,9 @@ def _last(h: Hypothesis) -> Physics:
 
 
 def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
-    """A product of many points, after some rounds of a fit that starts at a grid.
+    """A product of many points, after some rounds of a fit that starts from a grid.
 
-    Of the grid less its plane, which belongs to a spring, a damper and a scale, or of it as it is.
+    Tries the grid as it is, and without its plane, which belongs to a spring, damper and scale.
     """
     few, axes = GridForm(_last(h)), _axes(field, LAWS.points)
     if axes is None:
@@ -387,11 +385,10 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
-    """A shift of many points, after some rounds of a fit: either state by the other.
+    """A shift of many points, of either state by the other, after some rounds of a fit.
 
-    Along a straight line of its states, a + d b, a shift is a table of one state. One round of a
-    fit from zero shows how likely each line is, under two observers; both tables start from the
-    likeliest line of each.
+    A straight shift is a table over a + d b. One round of a fit from zero, under two observers,
+    shows how likely each slope d is; the fit starts from the most likely.
     """
     each: list[Hypothesis] = []
     for share in RATIOS if base.family.whitening else RATIOS[:1]:
@@ -403,7 +400,7 @@ def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
 
 
 def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
-    """The shift proportional to the other state with which one round of a fit gains most."""
+    """The straight shift with which one round of a fit gains most."""
     problem, least, likeliest = under.problem, math.inf, None
     for line in _lines(field):
         model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
@@ -415,7 +412,7 @@ def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
 
 
 def _lines(field: Field) -> Iterator[Physics]:
-    """Yield shifts of a zero law, proportional to the other state."""
+    """Yield straight shifts of a zero law."""
     a, b = field.over
     for over in ((a, b), (b, a)):
         first, second = field.along(over)
@@ -441,7 +438,7 @@ def _as_product(one: Begun) -> Hypothesis | None:
 
 
 def _as_grid(one: Begun) -> Hypothesis | None:
-    """A grid with all of its points, fitted from one of fewer."""
+    """A grid with all of its points, fitted from a smaller one."""
     h, field = one.grid, one.field
     few, axes = GridForm(_last(h)), _axes(field, SIZE)
     if axes is None:
@@ -452,7 +449,7 @@ def _as_grid(one: Begun) -> Hypothesis | None:
 
 
 def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
-    """The same with the undetermined part of a grid interpolated, fitted again."""
+    """The hypothesis with the undetermined part of a grid interpolated, fitted again."""
     form = form_of(_last(h))
     if not isinstance(form, GridForm) or form.told(field).all():
         return h
@@ -462,7 +459,7 @@ def _smoothed(h: Hypothesis, field: Field) -> Hypothesis:
 
 @dataclass(frozen=True)
 class _Known:
-    """What a fit knows about the numbers of its surface: their names, values and precision."""
+    """Names, values and precision of the numbers of a fitted surface."""
 
     names: tuple[str, ...]
     numbers: Floats
@@ -488,7 +485,7 @@ def _known(h: Hypothesis, phi: float) -> _Known:
 
 @dataclass(frozen=True)
 class _Fewer:
-    """A law of some of the points of another along either state, and its cost relative to it."""
+    """A law with some of the points of another along either state, and its relative cost."""
 
     first: Places
     second: Places
@@ -497,7 +494,7 @@ class _Fewer:
 
 
 def _priced(there: _Known, form: Form, field: Field, first: Places, second: Places) -> _Fewer:
-    """A law of some points along either state, as near as possible to the known one."""
+    """A law with some points along either state, as near as possible to the known one."""
     basis, offset, law = form.fewer(field, there.names, first, second)
     if basis.shape[1] == 0:
         return _Fewer(first, second, None, np.inf)
@@ -506,10 +503,7 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
 
 
 def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
-    """The law with the points that pay along either state, and how much less it costs.
-
-    Its ends stay, and so does the point of a number that is fixed.
-    """
+    """The law with the points that pay (ends and fixed ones stay), and how much less it costs."""
     there, form = _known(h, phi), form_of(_last(h))
     kept = form.kept(field, there.names)
     priced = partial(_priced, there, form, field)
@@ -527,7 +521,7 @@ def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
 
 
 def _spared(h: Hypothesis, field: Field) -> float:
-    """How much less a law of the points that pay costs, to second order; 0.0 if undetermined."""
+    """How much less a law with only the points that pay costs, to second order; 0.0 if unknown."""
     _, spared = _cheapest(h, field, 1.0)
     return spared if math.isfinite(spared) else 0.0
 

@@ -11,8 +11,8 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import points_of, table_values
 
 Floats = NDArray[np.float64]
-BOTH_WAYS = 0.3  # of the largest state on one side, that the other must reach for an odd law
-MET = 10  # samples nearest to a point, of which fewer say nothing of the force there
+BOTH_WAYS = 0.3  # of the largest state on one side, which the other must reach for an odd law
+MET = 10  # samples nearest to a point; fewer do not determine the force there
 
 
 def law_at(law: Physics, states: Floats) -> Floats:
@@ -22,7 +22,7 @@ def law_at(law: Physics, states: Floats) -> Floats:
 
 
 def _through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> Floats:
-    """The curve at states (n,) through points s (points,) of laws f (points,) or (points, laws)."""
+    """The curve at states (n,) through forces f (points,) or (points, laws) at states s."""
     x = np.asarray(states, dtype=np.float64)
     if period > 0.0:
         x = s[0] + np.mod(x - s[0], period)
@@ -44,8 +44,8 @@ def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) ->
     """Return the likely error of a curve through laws f (points, ...) at each of its states s.
 
     A cubic through points h apart with tangents from differences has an error of order h^3, so its
-    error is an eighth of the error of a curve through every other point, which leaving out each
-    point shows. Ends have the error of their neighbours; an odd law is known at zero.
+    error is an eighth of that of a curve without the point. Ends have the error of their
+    neighbours; an odd law is known at zero.
     """
     found = np.zeros_like(f)
     if s.size < (3 if odd or period > 0.0 else 4):
@@ -60,17 +60,17 @@ def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) ->
 
 
 def is_odd(law: Physics) -> bool:
-    """Whether a law's table is of |s|."""
+    """Whether a law's table is over |s|."""
     return law.values["odd"] > 0.5
 
 
 def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Floats | None:
-    """Return states for a table over those seen (samples,); None if it makes no sense.
+    """Return states for a table over visited states (samples,); None if these do not suffice.
 
-    An odd law must have been seen on both sides. Half of the points follow the density of the
-    samples, half are spaced evenly, since a law shows at the ends, which are seldom visited. There
-    are fewer if a state takes few values, as a command of some levels does; points between these
-    would carry no information. A periodic law has them evenly over its period.
+    An odd law needs samples on both sides. Points are halfway between the quantiles of the samples
+    and even spacing, since a law shows at the ends, which are seldom visited. A state with few
+    values (a command of some levels) gets fewer points. The points of a periodic law are even over
+    its period.
     """
     if period > 0.0:
         return period * np.arange(count) / count
@@ -86,12 +86,12 @@ def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Flo
 
 
 def between(at: Floats, seen: Floats) -> Floats:
-    """Return states of a table (points,) with one more between each two that have samples there."""
+    """Return states of a table (points,) with one more between each two, if it has samples."""
     return _met(np.sort(np.concatenate([at, 0.5 * (at[1:] + at[:-1])])), np.sort(seen))
 
 
 def _met(at: Floats, where: Floats) -> Floats:
-    """The states that are nearest to enough samples, and the ends; where: sorted."""
+    """The states that are nearest to enough samples, and the ends; where: sorted samples."""
     while at.size > 2:
         edges = np.searchsorted(where, 0.5 * (at[1:] + at[:-1]))
         nearest = np.diff(edges)
@@ -105,15 +105,12 @@ def _met(at: Floats, where: Floats) -> Floats:
 def table(
     effect: str, at: str, states: Floats, forces: Floats, odd: bool, period: float = 0.0
 ) -> Physics:
-    """Return a law of points (states, forces), each (points,)."""
+    """Return a law through points (states, forces), each (points,)."""
     points: Sequence[tuple[float, float]] = list(zip(states.tolist(), forces.tolist(), strict=True))
     return make_physics(effect, at, **table_values(points, odd, period))
 
 
 def basis(law: Physics, states: Floats, odd: bool, at: Floats) -> Floats:
-    """Return the contribution of each point of another table at some states (points, numbers).
-
-    states: of that table's points; of an odd one the first is 0 and adds nothing.
-    """
+    """Return the contribution of each free point of another table at states (points, numbers)."""
     units = np.eye(states.size)[:, int(odd) :]
     return _through(states, units, odd, law.values["period"], at)

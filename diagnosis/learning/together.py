@@ -1,12 +1,12 @@
 """Total force at a place over one state: learned law plus named effects, as one curve.
 
-Friction is a named effect, a drag beside it another, and what was learned beside both is a table; a
-measured friction curve is their sum. So laws that depend on the same state at the same place
-(`steady.along`) are added, with the band from the covariance of all their parameters,
+A measured friction curve is the sum of named effects (friction, a drag) and a learned table. So
+laws that depend on the same state at the same place (`steady.along`) are added, with the band from
+the covariance of all their parameters,
 
     sum over laws of f(s; x),    J C J',    J its slopes by x, C of the fit.
 
-A straight part cannot be distinguished from the device's own damper or spring, and is left to that.
+A straight part cannot be distinguished from the device's own damper or spring.
 """
 
 from dataclasses import dataclass
@@ -18,19 +18,20 @@ from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_beside
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.shown import Valued
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import is_table
 from zwidth.sim.place import Place
 
 Floats = NDArray[np.float64]
-STEP = 1e-3  # of a parameter's x, over which what acts together is differenced
+STEP = 1e-3  # in x, for the difference quotient of the sum
 
 
 @dataclass(frozen=True)
-class Together:
-    """The sum of the laws that follow one state at one place.
+class Together(Valued):
+    """The sum of the laws over one state at one place.
 
-    names: of the effects that are no table. states, forces, lower, upper (points,): the sum with
+    names: of the effects that are not tables. states, forces, lower, upper (points,): the sum with
     its 95 % band; covariance (points, points) of the forces.
     """
 
@@ -43,7 +44,7 @@ class Together:
 
 
 def follows(law: Physics, curve: str, place: Place) -> bool:
-    """Whether a law acts at a place and follows the state of a curve ("free_damper") alone."""
+    """Whether a law acts at a place and depends only on the state of a curve ("free_damper")."""
     there = law.place.acts_on == place.acts_on
     return there and along(law, curve, np.array([-1.0, 0.5])) is not None
 
@@ -51,11 +52,10 @@ def follows(law: Physics, curve: str, place: Place) -> bool:
 def together(
     fitted: Fitted, curve: str, place: Place, states: Floats, bends: bool = False
 ) -> Together | None:
-    """Return the sum of the laws of a fit that follow a curve's state at a place, at some states.
+    """Return the sum of a fit's laws over a curve's state at a place; None if it has no effect.
 
-    None if there is no such effect. states (points,): none of them zero, where friction has no
-    value. bends: whether the band is that of the curvature alone, since a line and a constant are
-    equivalent to damper, spring and origin, which are kept as fitted.
+    states (points,): not zero, where friction has no value. bends: whether the band is that of the
+    curvature alone, with damper, spring and origin (equivalent to a line and a constant) as fitted.
     """
     model, x = fitted.model, fitted.x
     effects = model.effects_at(x)

@@ -1,15 +1,14 @@
 """Where a learned law would improve the fit most: tries a table of many points at each place.
 
 To each hypothesis a table of zeros is added, at every place over every state that it may depend on,
-with as many points as a table has, and fitted for a few rounds: with the noise of the hypothesis,
-and with a slower observer, which takes less of a law for a disturbance. The resulting likelihoods,
-each with its own likeliest noise, show where a law may be. To first order they would not: if much
-is missing a residual is far from white, its slow part also depends on the initial state, and every
+with `LAWS.points` points, and fitted for a few rounds: with the noise of the hypothesis, and with a
+slower observer, which attributes less of a law to disturbance. The resulting likelihoods, each with
+its own most likely noise, show where a law may be. A first-order test would not: if much is
+missing, the residual is far from white, its slow part also depends on the initial state, and every
 state seems to explain it.
 
-Of a state that never returns (the position of a motor that turns one way), a law would also be one
-of time, and of everything else that happens in that order. So none is sought there, except periodic
-ones (`repeating`).
+A law over a state that never returns (the position of a motor that turns one way) would also be a
+law over time and everything that changes with it. So only periodic laws are sought there.
 
 Limits: a law that changes the motion completely is not found in so few rounds.
 """
@@ -37,23 +36,23 @@ from zwidth.sim.place import masses_and_links, place_at
 
 Floats = NDArray[np.float64]
 SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a point
-RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
+RATIOS = (1.0, 1e-3)  # of observers with which laws are begun, over the most likely one
 ROUNDS = 4
-CLOSES = 1e-3  # of a turn: beyond its last point at least
+CLOSES = 1e-3  # of a period: its least distance beyond the last point
 
 
 def anywhere(effect: str, at: str) -> bool:
-    """Every law, at every place."""
+    """Accept every law at every place."""
     return bool(effect and at)
 
 
 @dataclass(frozen=True)
 class Site:
-    """A candidate for a law: effect and place, the states seen there (samples,), its period.
+    """A candidate for a law: effect and place, the visited states (samples,), and the period.
 
-    scale: of the period as a parameter, 0 for a known one. makes: prior size of a point of its
-    table. floats: whether another origin of positions is equivalent to a constant in the table, of
-    which one point is then fixed.
+    scale: of the period as a parameter, 0 if it is fixed. makes: prior size of a point of the
+    table. floats: whether a constant is equivalent to another origin of positions; one point is
+    then fixed.
     """
 
     effect: str
@@ -68,10 +67,7 @@ class Site:
 def sites(
     base: Hypothesis, most: int, asked: Callable[[str, str], bool] = anywhere
 ) -> list[tuple[Site, Hypothesis]]:
-    """Return where a law would gain most, with its start, the likeliest first.
-
-    asked: whether a law (effect, place) is wanted.
-    """
+    """Return the wanted (`asked`) sites where a law gains most, each with its start, best first."""
     found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
         if not asked(site.effect, site.at):
@@ -83,11 +79,8 @@ def sites(
     return sorted(found, key=lambda one: one[1].cost.misfit)[:most]
 
 
-def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hypothesis | None:
-    """Return a model with a law after some rounds with two observers: the likelier result.
-
-    None if no observer follows the recordings of the base.
-    """
+def begun(base: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
+    """Return a model after some rounds of a fit with the better of two observers, or None."""
     with suppress(NoObserver):
         first = judged(base.experiments, model, model.within(x), base.family)
         found = [first]
@@ -100,10 +93,7 @@ def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hy
 
 
 def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Site:
-    """Return a place for a law over one state, as a hypothesis predicts it.
-
-    moved: of each recording, positions and velocities (ticks, 2n).
-    """
+    """Return the site of a law; moved: predicted positions and velocities (ticks, 2n)."""
     gain = base.model.reads(base.x).gain
     sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
     made = max(e.swing for e in base.experiments) if effect == "free_sensor" else sizes.force
@@ -112,12 +102,11 @@ def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> 
 
 
 def _floats(base: Hypothesis, effect: str, at: str) -> bool:
-    """Whether a constant in a law is the same as another origin.
+    """Whether a constant in a law is equivalent to another origin.
 
-    A constant force on a mass that a spring ties to the ground is equivalent to another origin, as
-    far as positions show: on the first mass, and on others if only one position is measured. So is
-    a constant in the command, which acts on the first mass, and in the reading. For a law over a
-    position another origin also shifts the states, so no point of it is fixed.
+    With a spring to the ground, a constant force is equivalent to another origin on the first mass,
+    and on others if only one position is measured. So is a constant in the command or the reading.
+    For a law over a position, another origin also shifts the states, so no point is fixed.
     """
     tied = base.model.build(base.x).chain.ground_spring > 0.0
     if not tied or effect == "free_spring":
@@ -130,7 +119,7 @@ def _floats(base: Hypothesis, effect: str, at: str) -> bool:
 
 
 def held(count: int) -> int:
-    """Return which point of a table is held where a constant in it is another origin."""
+    """Return which point of a table is fixed if a constant is equivalent to another origin."""
     return count // 2
 
 
@@ -140,7 +129,7 @@ def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -
 
 
 def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> list[Floats]:
-    """The same in each recording."""
+    """The same states in each recording."""
     n = base.model.build(base.x).chain.masses.size
     if effect == "free_amplifier":
         return [e.command[SETTLING:] for e in base.experiments]
@@ -150,13 +139,13 @@ def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) 
 
 
 def comes_back(each: Sequence[Floats]) -> bool:
-    """Whether the states of recordings are visited again, and do not only tell time."""
+    """Whether the states of recordings are visited again, so that they do not only measure time."""
     way = sum(float(np.abs(np.diff(states)).sum()) for states in each)
     return way > LAWS.comes_back * float(np.ptp(np.concatenate(each)))
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
-    """Return a zero law of at most so many points; None if an odd one makes no sense."""
+    """Return a zero law with at most `count` points; None if the samples do not suffice."""
     at = points_over(site.states, count, odd, site.period)
     if at is None:
         return None
@@ -164,7 +153,7 @@ def law_over(site: Site, count: int, odd: bool) -> Physics | None:
 
 
 def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
-    """Return a model with a law, and its x for the given law."""
+    """Return a model with a law, and its x."""
     count = len(points_of(law.values))
     free = FORCE[int(is_odd(law)) : count]
     scales = dict.fromkeys(free, site.makes)
@@ -173,7 +162,7 @@ def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Flo
     bounds: dict[str, tuple[float, float]] = {}
     if site.scale > 0.0 and law.values["period"] > 0.0:
         states = [s for s, _ in points_of(law.values)]
-        least = states[-1] - states[0]  # the table is of one turn, and none of its points of two
+        least = states[-1] - states[0]  # the table covers one period only
         scales["period"] = site.scale
         most = max(float(np.ptp(site.states)) / WAVES, law.values["period"])
         bounds["period"] = ((1.0 + CLOSES) * least, most)
@@ -187,12 +176,12 @@ def with_law(
     scales: Mapping[str, float],
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Model, Floats]:
-    """Return a model with a law of which some numbers are free, and x for the given values."""
+    """Return a model with a law of which some numbers are free, and its x."""
     return base.with_effect(law, scales, bounds or {}), base.beside(x, np.zeros(len(scales)))
 
 
 def _every(base: Hypothesis) -> list[Site]:
-    """All places and states on which a law of one state may depend, and none does yet."""
+    """All places and states of a law of one state where there is none yet."""
     chain = base.model.build(base.x).chain
     asked = [(effect, str(place)) for place in masses_and_links(chain.masses.size)
              for effect in ("free_spring", "free_damper")]  # fmt: skip
@@ -207,5 +196,5 @@ def _every(base: Hypothesis) -> list[Site]:
         for one in asked
         if one not in present and comes_back(_states_in(base, moved, *one))
     ]
-    # Where nothing drives there is no force to measure a law by.
+    # Without a drive, no force gives the size of a law.
     return [site for site in every if np.ptp(site.states) > 0.0 and site.makes > 0.0]

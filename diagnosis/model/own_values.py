@@ -1,17 +1,16 @@
 """Parameters fitted for each recording separately: `[free]` of a recording TOML.
 
-For example, three springs that were mounted in turn are three numbers, while everything else is
-that of one device. Recordings with the same word for a parameter share its value; those without a
-word share another. This is a change of the parameter (`Model.varying`), from its value in the
-recordings without a word, or in those with the first word: x + d holds for recordings with the
-word. For a linear parameter the uncertainty in the device file also applies to d, and like all
-linear parameters d is in every hypothesis, so there is no penalty for it. For a number of an
-effect, the penalty is that of every change.
+For example, three springs that were mounted in turn have three values, while everything else is
+common. Recordings with the same word for a parameter share its value; recordings without a word
+share another. Each word is a change d of the parameter (`Model.varying`) from its value in the
+recordings without a word, or with the first word. For a linear parameter the uncertainty in the
+device file also applies to d, and like all linear parameters d is in every hypothesis, without a
+penalty. For a parameter of an effect, d has the penalty of any change.
 
-The rest of a spring to ground may differ between recordings: an encoder counts from where it was
-switched on, and friction stops a mass anywhere within level / stiffness of the rest. So of several
-recordings each has an origin of its own (`origin` in `model.parameters`), and, if their zeros are
-free, so have the sensors of further masses (`zero_m2`).
+The rest position of a spring to ground may differ between recordings: an encoder counts from where
+it was switched on, and friction stops a mass anywhere within level / stiffness of the rest. So each
+of several recordings has its own origin (`origin` in `model.parameters`) and, if they are free, its
+own zeros of the sensors of further masses (`zero_m2`).
 """
 
 from collections.abc import Sequence
@@ -27,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying, ...]:
-    """Return the parameters that differ between these recordings because they declare it."""
+    """Return the parameters that recordings declare as their own, with origins and free zeros."""
     targets = dict.fromkeys(target for e in experiments for target, _ in e.own)
     found: list[Varying] = []
     for target in targets:
@@ -45,16 +44,16 @@ def varying(device: Device, experiments: Sequence[Experiment]) -> tuple[Varying,
 
 
 def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
-    """Return the start x of a fit of recordings: zero, except for free zeros of sensors.
+    """Return the start x of a fit: zero, except for free zeros of sensors.
 
     Over a recording of length t, the forces that move m2 deflect the link by
 
         mean(q2 - q1) = zero + (m2 (v2(t) - v2(0)) + b2 (q2(t) - q2(0))) / (k t),
 
-    of which the second part is small against the motion. A fit that starts at zero would not get
-    there: the noise model for a link that is always stretched is a drifting one, under which a zero
-    gains nothing. Limits: there is one link between the sensors, or the others are as stiff; dry
-    friction acts equally often in both directions.
+    of which the second part is small against the motion. A fit from zero would not find the zero:
+    with a link that is always stretched, the most likely noise drifts, and then a zero gains
+    nothing. Limits: one link between the sensors, or equally stiff ones; dry friction that acts
+    equally often in both directions.
     """
     x = np.zeros(len(model.parameters))
     zeros = {p.name: i for i, p in enumerate(model.parameters) if p.kind == "zero"}
@@ -76,7 +75,7 @@ def first_x(model: Model, experiments: Sequence[Experiment]) -> Floats:
 
 
 def refuse_unknown_words(fit_on: Sequence[Experiment], judge_by: Sequence[Experiment]) -> None:
-    """Raise ExperimentError if a validation recording has a value that no fitted one has."""
+    """Raise ExperimentError if a validation recording has a word that no fitted recording has."""
     known = {own for e in fit_on for own in e.own}
     for e in judge_by:
         for target, word in e.own:

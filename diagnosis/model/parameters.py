@@ -1,18 +1,18 @@
-"""The numbers that a fit may change: the device's linear parameters, and those of effects.
+"""The parameters that a fit may change: linear ones of the device, and those of effects.
 
 Every parameter is value = nominal + scale x (effects, dampers of links), nominal exp(scale x)
 (masses, springs, gain) or nominal + scale sinh(x) (dampers to ground), so that x is of order one.
 The linear ones have a Gaussian prior of one scale, which the device file states (`Uncertainty`):
-what the recording does not determine stays near the nominal device. The skew of the clock has such
-a prior as well. It is the share of a period by which all outputs are read after the instant at
-which commands act, or before it; every laboratory has one, and no file states it. A damper to the
-ground may be zero, and is guessed more often than measured, since it includes bearings and
-back-EMF. Near the file's value sinh(x) is x; far from it another factor of ten costs no more than
-the first. If it were linear there too, twenty times the damper would cost 1400, and any drag of the
-library less. A damper of a link stays linear: play and friction in the link look like much larger
-ones, and a search does not return from a refit that has gone so far. The gain of the command is
-free only if the file gives its uncertainty, since motion alone does not distinguish it from masses,
-springs, dampers and forces together.
+parameters that the recording does not determine stay near the nominal device. So has the skew of
+the clock, the share of a period by which all outputs are read after (or before) the instant at
+which commands act; every laboratory has one, and no file states it. A damper to the ground may be
+zero, and is guessed more often than measured, since it includes bearings and back-EMF. Near the
+file's value sinh(x) is x; far from it another factor of ten costs no more than the first. If it
+were linear there too, twenty times the damper would cost 1400, more than any drag of the library. A
+damper of a link stays linear: play and friction in the link look like a much larger one, and a
+search does not return from a refit that has gone so far. The gain of the command is free only if
+the file gives its uncertainty, since motion alone does not distinguish it from masses, springs,
+dampers and forces together.
 """
 
 import itertools
@@ -34,16 +34,16 @@ from zwidth.sim.physics.effect import Bounds, Physics
 from zwidth.sim.physics.effect import Parameter as Declared
 
 Floats = NDArray[np.float64]
-JITTER_SCALE = 0.01  # of the period: by how much commands arrive early or late
-SKEW_SCALE = 0.2  # of the period: by how much all is read after commands act, or before
+JITTER_SCALE = 0.01  # of the period: mean time by which commands arrive early or late
+SKEW_SCALE = 0.2  # of the period: time by which outputs are read after (or before) commands act
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
-# Scales that a mass, spring or gain may move: with 0.3 by exp(1.5) = 4.5 either way. The prior says
-# how unlikely that is; a bound that is met says nothing. Carts of which their builders' file has
-# 2/5 of the mass met one at three scales, and the rest of the mass was named a mode, with a delay
-# and a ripple beside it; at five, friction on both carts is.
+# Scales by which a mass, spring or gain may move: with 0.3 a factor exp(1.5) = 4.5. The prior gives
+# its probability; a bound that is reached gives no information. Carts whose builders' file has
+# 2/5 of the mass reached one at three scales, and the rest of the mass became a mode, with a delay
+# and a ripple beside it; with five, friction is found on both carts.
 FARTHEST = 5.0
 FARTHEST_DAMPER = 9.0  # asinh of how many scales a damper to ground may move: 4000
-DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
+DAMPER_FLOOR = 0.1  # of the mean damper: least uncertainty of a damper of nearly zero
 
 FACTORED = ("mass", "spring", "k0", "gain")
 BENT = ("damper",)
@@ -51,15 +51,15 @@ BENT = ("damper",)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number; index in its array.
+    """A parameter; index: in its array.
 
     kind: "mass", "spring", "damper", "link", "k0", "origin", "zero", "gain", "jitter", "skew",
-    "effect", or "change": of the parameter at `index` of all, in its x.
+    "effect", or "change" (of the x of the parameter at `index` of all parameters).
 
-    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
-    effect's parameter, its name; ends: at which of its bounds a fit is not physical, "lower",
-    "upper". walks: which of them only limit how far a fit may go from its start. against: of a
-    change, the parameter that falls by as much as the one at `index` rises.
+    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: name of
+    an effect's parameter; ends: bounds ("lower", "upper") at which a fit is not physical. walks:
+    bounds that only limit how far a fit may go from its start. against: for a change, the parameter
+    that falls by as much as the one at `index` rises.
     """
 
     name: str
@@ -75,12 +75,12 @@ class Parameter:
     against: int | None = None
 
     def at_end(self, x: float, which: Sequence[str], margin: float) -> bool:
-        """Whether x is on one of some of its bounds, "lower" and "upper"."""
+        """Whether x is on one of the bounds `which` ("lower", "upper")."""
         low = "lower" in which and x < self.lower + margin
         return low or ("upper" in which and x > self.upper - margin * max(1.0, abs(self.upper)))
 
     def value(self, nominal: float, x: float) -> float:
-        """Return the value at its x, for the value `nominal` at zero: of a chain or an effect."""
+        """Return the value at x; nominal: the value at zero."""
         if self.kind in FACTORED:
             return nominal * float(np.exp(self.scale * x))
         if self.kind in BENT:
@@ -94,7 +94,7 @@ class Parameter:
         return self.scale * (float(np.cosh(x)) if self.kind in BENT else 1.0)
 
     def x_of(self, nominal: float, value: float) -> float:
-        """Return the x of a value; for a factor of zero or below, that of 1e-12."""
+        """Return the x of a value; for a factored value of zero or less, that of a factor 1e-12."""
         if self.kind in FACTORED:
             return math.log(max(value / nominal, 1e-12)) / self.scale
         moved = (value - nominal) / self.scale
@@ -103,13 +103,13 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Varying:
-    """A change of one parameter (`Parameter.name`): a recording has its share of it.
+    """A change of a parameter `of` (`Parameter.name`), of which each recording has a share.
 
-    against: another that falls by as much (`Effect.holds_constant`), "" where one changes alone.
-    name: of the change, by which recordings state their share (`Experiment.shares`). smooth: over
-    time, so that parts of a recording have all values in between. price: penalty for its rarity and
-    for having tried so many, in -2 ln. declared: whether recordings state that it is their own
-    (`model.own_values`); it was not found then.
+    name: of the change, by which recordings give their share (`Experiment.shares`). smooth: whether
+    it takes all values in between over time. price: penalty, in -2 ln, for its rarity and for
+    having tried so many. declared: whether recordings declare it (`model.own_values`) instead of a
+    search finding it. against: a parameter that falls by as much (`Effect.holds_constant`), "" for
+    none.
     """
 
     name: str
@@ -125,8 +125,8 @@ class Reads(NamedTuple):
 
     The command is multiplied by gain; origin, in units of the rms motion, is subtracted from
     positions, and jitter times the change of the arriving command from the velocity of m1. zeros
-    (n,): offset of the reading of each mass from that of m1. late [s]: by how much all is read
-    after the instant at which commands act; push: acceleration of m1 alone for a unit of command.
+    (n,): offset of each mass's reading from that of m1. late [s]: time by which outputs are read
+    after commands act; push: acceleration of m1 alone per unit of command.
     """
 
     gain: float
@@ -147,12 +147,11 @@ class Reads(NamedTuple):
 def leads(
     outputs: Sequence[Output], jitter: Floats | float, late: Floats | float, push: Floats | float
 ) -> Floats:
-    """Return by how much of a change of the arriving command each output is ahead (..., o).
+    """Return the advance of each output (..., o) per unit change of the arriving command.
 
-    A reading that is s > 0 late contains the command of its instant for s: s push in the velocity
-    of m1, s^2 / 2 push in its position. The other consequences of s are in the prediction
-    (`sim.predict.ahead_by`). jitter: what else is added to the velocity, times the change of the
-    command.
+    A reading that is s > 0 late contains the effect of the new command for a time s: s push in the
+    velocity of m1, s^2 / 2 push in its position. The other consequences of s are in the prediction
+    (`sim.predict.ahead_by`). jitter: a further advance of the velocity.
     """
     after = np.maximum(late, 0.0)
     found = np.zeros((*np.shape(late), len(outputs)))
@@ -165,11 +164,10 @@ def leads(
 
 
 class _Trial(NamedTuple):
-    """The numbers of all effects in order, and which of them are free.
+    """The values of all effects in order, and which of them are free.
 
-    vector, lower, upper (numbers,): their values, and the bounds in their declarations. own:
-    indices in it of the free ones; x: their indices in x; scale: theirs. each: where the numbers of
-    each effect are.
+    vector, lower, upper (numbers,): the values, and their declared bounds. own: indices in vector
+    of the free ones; x: their indices in x; scale: their scales. each: the slice of each effect.
     """
 
     vector: Floats
@@ -185,15 +183,14 @@ class _Trial(NamedTuple):
 class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
-    effects: the physics under trial, at the values for which x of their parameters is zero. scales:
-    of their free parameters; bounds: of them, given the recordings, if narrower than the effect
-    allows. sensor_error_known: the recordings contain the error that an encoder_step under trial
-    adds to the sensor, so that it is subtracted there and not simulated. varying: what differs
-    between recordings; those whose parameter the model lacks have no effect. `build` returns the
-    device for a share of zero.
+    effects: the physics under trial, at the values for x = 0. scales: of their free parameters;
+    bounds: of these for the recordings, if narrower than the effect's own. sensor_error_known:
+    whether the recordings contain the error of an encoder_step under trial, which is then
+    subtracted and not simulated. varying: changes; those of parameters that the model lacks are
+    ignored. `build` returns the device without changes.
 
-    A search evaluates one model for thousands of devices, so everything that does not depend on x
-    (the places of its numbers, their scales and bounds) is computed once and kept as arrays.
+    A search evaluates a model at thousands of x, so everything that does not depend on x (indices,
+    scales and bounds) is computed once and kept as arrays.
     """
 
     nominal: Device
@@ -224,7 +221,7 @@ class Model:
         ]
 
     def _with_own(self, lasting: Sequence[Parameter], first: int) -> list[Parameter]:
-        """The parameters, then the own values of recordings; first: the index of these."""
+        """Parameters, followed by the own values of recordings; first: index of the first one."""
         places = {p.name: first + i for i, p in enumerate(lasting)}
         priors = {p.name: p.prior for p in lasting}
         own = [v for v in self.varying if v.declared and v.of in places]
@@ -248,7 +245,7 @@ class Model:
 
     @cached_property
     def _kinds(self) -> dict[str, slice]:
-        """Indices in x of the linear parameters of each kind, side by side."""
+        """Indices in x of the linear parameters of each kind, which are adjacent."""
         places: dict[str, list[int]] = {}
         for i, p in enumerate(self.linear):
             places.setdefault(p.kind, []).append(i)
@@ -256,7 +253,7 @@ class Model:
 
     @cached_property
     def _scaled(self) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.int64]]:
-        """Values of the linear parameters at zero, scales, and which are factors or sinh."""
+        """Values of the linear parameters at x = 0, scales, and which are factors or sinh."""
         known = chain_values(self.nominal.chain) | {"gain": 1.0}
         at_zero = np.array([known.get(p.name, 0.0) for p in self.linear])
         factors = np.flatnonzero([p.kind in FACTORED for p in self.linear])
@@ -299,19 +296,16 @@ class Model:
 
     @cached_property
     def lasting(self) -> int:
-        """Number of parameters that are no found changes, which come last."""
+        """Number of parameters that are not found changes; these come last."""
         return sum(not self.is_found(p) for p in self.parameters)
 
     def beside(self, x: Floats, extra: ArrayLike) -> Floats:
-        """Return x (parameters,) of the model with more effects, whose free numbers are at extra.
-
-        These come before the changes.
-        """
+        """Return x of the model with more effects, with their x `extra` before the changes."""
         return np.concatenate([x[: self.lasting], np.asarray(extra), x[self.lasting :]])
 
     @property
     def varies(self) -> tuple[str, ...]:
-        """The parameters that change (`Parameter.name`), each as often as it does."""
+        """The parameters with found changes (`Parameter.name`), once for each change."""
         own = self.parameters
         return tuple(own[p.index].name for p in own if self.is_found(p))
 
@@ -321,7 +315,7 @@ class Model:
         return replace(self, varying=tuple(v for v in self.varying if v.declared)), x[keep]
 
     def there(self, x: Floats, experiment: Experiment) -> Floats:
-        """Return x (..., parameters) as it was in a recording: with its shares of all changes."""
+        """Return x (..., parameters) for a recording, with its shares of all changes."""
         shares = self.shares(experiment)
         if not shares:
             return x
@@ -335,7 +329,7 @@ class Model:
         return self.within(found)
 
     def _turned(self, index: int, x: Floats) -> Floats:
-        """Return x with angles brought within half a turn, since a fit stops at their bounds."""
+        """Return x with angles wrapped to within half a turn, since a fit stops at their bounds."""
         p = self.parameters[index]
         if p.kind != "effect" or p.key not in self.effects[p.index].effect.turning:
             return x
@@ -356,7 +350,7 @@ class Model:
         return len(self.linear)
 
     def size_of(self, index: int, x: Floats) -> float:
-        """Return the change of its x for which a parameter is zero, or e times as large."""
+        """Return the change of x by which a parameter becomes zero, or e times as large."""
         p, own = self.parameters[index], float(x[index])
         if p.kind == "effect":
             return abs(self.effects[p.index].values[p.key] / p.scale + own)
@@ -367,7 +361,7 @@ class Model:
         return 1.0 / p.scale if p.kind != "origin" else 1.0
 
     def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
-        """Return the model without some of its effects (their indices in it), and its x."""
+        """Return the model without some effects (their indices), and its x."""
         own = self.parameters
         lost = {i for i, p in enumerate(own) if p.kind == "effect" and p.index in gone}
         lost |= {i for i, p in self._changes if p.index in lost}
@@ -378,7 +372,7 @@ class Model:
         return model, x[keep]
 
     def begun_at(self, x: Floats) -> tuple["Model", Floats]:
-        """Return the model whose effects start from their values at x, and its x there."""
+        """Return the model with the effects' values at x as their new zero, and its x there."""
         effects = [p.kind == "effect" for p in self.parameters]
         return replace(self, effects=self.effects_at(x)), np.where(effects, 0.0, x)
 
@@ -391,7 +385,7 @@ class Model:
     def linear_at(self, x: Floats) -> Floats:
         """Return the values (..., linear) of the linear parameters at x (..., parameters).
 
-        As `Parameter.value` has them; 0 at zero for those without a number in the device file.
+        As in `Parameter.value`; parameters that are not in the device file are 0 at x = 0.
         """
         at_zero, scale, factors, bent = self._scaled
         own = x[..., : scale.size].astype(np.float64, order="C")
@@ -403,7 +397,7 @@ class Model:
         return found
 
     def _chain_at(self, values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """The numbers of the chain (..., of each field) for these linear parameters."""
+        """The values of the chain's fields for values (..., linear) of the linear parameters."""
         n = self.nominal.chain.masses.size
         ends = (0, n, 2 * n, 3 * n - 1, 4 * n - 2)  # as `linear_parameters` has them
         fields = [np.ascontiguousarray(values[..., a:b]) for a, b in itertools.pairwise(ends)]
@@ -412,16 +406,13 @@ class Model:
         return masses, dampers, k0, springs, links
 
     def _one(self, values: Floats, kind: str, absent: float) -> Floats:
-        """The value (...,) of the only linear parameter of its kind."""
+        """The value (...,) of the only linear parameter of a kind, or `absent`."""
         if kind in self._kinds:
             return values[..., self._kinds[kind].start]
         return np.full(values.shape[:-1], absent)
 
     def _values_at(self, x: Floats) -> list[Floats]:
-        """The numbers of each effect (..., of it) at x (..., parameters).
-
-        Rounding may leave one slightly outside its bounds.
-        """
+        """The values of each effect at x (..., parameters), clipped to their bounds."""
         t = self._trial
         own = np.broadcast_to(t.vector, (*x.shape[:-1], t.vector.size)).copy()
         own[..., t.own] += t.scale * x[..., t.x]
@@ -443,7 +434,7 @@ class Model:
         return self._device(x, acts=False)
 
     def acting(self, x: Floats) -> Device:
-        """Return the device at x without what `seen` subtracts from the recording."""
+        """Return the device at x without the effects that `seen` subtracts from the recording."""
         return self._device(x, acts=True)
 
     def _device(self, x: Floats, acts: bool) -> Device:
@@ -472,14 +463,14 @@ class Model:
 
     @property
     def _ideal(self) -> dict[str, float]:
-        """Steps of the interface that the recording contains, or that were subtracted from it."""
+        """The interface without the steps that `plain` applies or subtracts."""
         reads = self.sensor_error_known or not self.has("encoder_step")
         return {"command_step": 0.0} | ({"encoder_step": 0.0} if reads else {})
 
     def members(self, xs: Floats) -> Members:
-        """Return the devices that are `acting` at many x (members, parameters), all at once.
+        """Return the `acting` devices at many x (members, parameters), all at once.
 
-        Their numbers are those of `acting` bit for bit; `Members.check` raises the same errors.
+        Their values equal those of `acting` bit for bit; `Members.check` raises the same errors.
         """
         values = self.linear_at(xs)
         found = replace(alike(self.nominal, xs.shape[0]), chains=Chains(*self._chain_at(values)))
@@ -494,11 +485,11 @@ class Model:
         return found.without_physics(lambda p: p.effect.in_recording)
 
     def is_found(self, parameter: Parameter) -> bool:
-        """Whether it is a change that no recording declares."""
+        """Whether a parameter is a change that no recording declares."""
         return parameter.kind == "change" and parameter.name not in self._declared
 
     def is_linear(self, parameter: Parameter) -> bool:
-        """Whether it is in every hypothesis: a linear one, or a recording's own value of one."""
+        """Whether a parameter is linear, or a recording's own value of a linear one."""
         if parameter.kind == "effect":
             return False
         if parameter.kind != "change":
@@ -519,7 +510,7 @@ class Model:
     def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """Return the results of `reads` at x (..., parameters): zeros (..., n), the others (...,).
 
-        A delay under trial is counted from the reading, and includes the skew of the clock.
+        A delay under trial counts from the reading, so it includes the skew of the clock.
         """
         values = self.linear_at(xs)
         gain, origin, jitter, late = (
@@ -535,11 +526,11 @@ class Model:
         return gain, origin, 0.5 * jitter * push, zeros, late, push
 
     def plain(self, experiment: Experiment) -> Experiment:
-        """Return a recording as the model reads it at every x.
+        """Return a recording as the model reads it at any x.
 
-        Lost commands are left out, the command is rounded to its steps, and errors of the sensor's
+        Lost commands are replaced, the command is rounded to its steps, and errors of the sensor's
         steps and the device's own origin are subtracted. Steps are applied here and not in the
-        device: inside a fit they would turn every slope into noise.
+        device, since inside a fit they would turn every slope into noise.
         """
         measured, command = experiment.measured, experiment.command
         if self.has("dropped_samples") and experiment.dropped is not None:
@@ -558,9 +549,9 @@ class Model:
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
         """Return a recording as the model at x reads it: `plain`, then gain, origin, jitter, skew.
 
-        Commands arrive early or late by j in the mean of |j|, equally often. The velocity of m1 is
-        read at the nominal instant, when an early command has already acted for j and a late one
-        not at all; on average this adds j / 2 m1 of each command's change to that reading. Later
+        Commands arrive early or late, equally often, with a mean |error| of j. The velocity of m1
+        is read at the nominal instant, when an early command has already acted and a late one has
+        not; on average this adds j / (2 m1) of each command's change to that reading. Later
         readings contain both fully.
         """
         own, x = x, self.there(x, experiment)
@@ -619,7 +610,7 @@ class Model:
 
     @property
     def label(self) -> str:
-        """The effects by name, or "the linear device"."""
+        """The effects in words, or "the linear device"."""
         return " + ".join(place_label(p) for p in self.effects) or "the linear device"
 
 
@@ -628,13 +619,13 @@ def _times(physics: Physics, scale: float) -> Physics:
 
 
 def first_velocity(experiment: Experiment) -> int | None:
-    """Return which output is the velocity of m1, None for none."""
+    """Return the index of the velocity of m1 among the outputs, None for none."""
     named = [o.name for o in experiment.outputs]
     return named.index("velocity_m1") if "velocity_m1" in named else None
 
 
 def is_read(parameter: Parameter, experiments: Sequence[Experiment]) -> bool:
-    """Whether any output depends on a parameter; on those of active physics all do."""
+    """Whether any output depends on a parameter; only jitter and zeros may have no output."""
     if parameter.kind == "jitter":
         return any(first_velocity(e) is not None for e in experiments)
     if parameter.kind == "zero":
@@ -650,7 +641,7 @@ def arriving(device: Device, command: Floats) -> Floats:
 
 
 def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
-    """Return the commands that arrived: in place of a lost one, the one before."""
+    """Return the commands that arrived: a lost one is replaced by the one before."""
     last = np.where(dropped, -1, np.arange(command.size))
     last[0] = 0
     return command[np.maximum.accumulate(last)]
@@ -659,10 +650,10 @@ def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
 def _of_effect(
     name: str, index: int, p: Declared, value: float, scale: float, limits: tuple[float, float]
 ) -> Parameter:
-    """A parameter of an effect, with the start value of its fit.
+    """A parameter of an effect; value: the start of its fit.
 
-    Within the bounds of physics for this recording, which include the start, and as far from it as
-    the effect allows.
+    Its bounds are the physical ones for this recording, extended to the start, and the distance
+    from the start that the effect allows.
     """
     lower = max(p.lower, min(limits[0], value))
     upper = min(p.upper, max(limits[1], value))
@@ -678,14 +669,14 @@ def _of_effect(
 
 
 def linear_parameters(device: Device) -> list[Parameter]:
-    """Return the refit's own parameters of a device; a gain only if its file leaves it free."""
+    """Return the linear parameters of a device; a gain only if its file leaves it free."""
     chain, known = device.chain, device.uncertainty
     n = chain.masses.size
     every = np.concatenate([np.abs(chain.ground_dampers), np.abs(chain.link_dampers)])
     floor = DAMPER_FLOOR * float(every.mean()) or 1e-3 * float(chain.masses.sum())
 
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
-        # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
+        # A damper is not negative, unless a file (of a modal fit) has a negative one.
         scale = known.dampers * max(abs(value), floor)
         if kind not in BENT:
             return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
@@ -706,7 +697,7 @@ def linear_parameters(device: Device) -> list[Parameter]:
         found += [Parameter(f"zero_m{i + 1}", "zero", i, known.zeros) for i in range(1, n)]
     if known.command_scale > 0.0:
         found.append(Parameter("gain", "gain", 0, known.command_scale, -FARTHEST, FARTHEST))
-    if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
+    if device.interface.delay_ticks[1] == 0.0:  # else no command arrives at a reading
         scale = JITTER_SCALE * device.interface.period
         found.append(Parameter("jitter", "jitter", 0, scale))
     skew = SKEW_SCALE * device.interface.period
@@ -715,7 +706,7 @@ def linear_parameters(device: Device) -> list[Parameter]:
 
 
 def chain_values(chain: Chain) -> dict[str, float]:
-    """Return the numbers of a chain by the names that its parameters have."""
+    """Return the values of a chain by the names of its parameters."""
     found = {f"m{i + 1}": float(m) for i, m in enumerate(chain.masses)}
     found |= {f"b{i + 1}": float(b) for i, b in enumerate(chain.ground_dampers)}
     found |= {f"k{i + 1}{i + 2}": float(k) for i, k in enumerate(chain.link_springs)}
@@ -724,7 +715,7 @@ def chain_values(chain: Chain) -> dict[str, float]:
 
 
 def nominal_of(model: Model, p: Parameter) -> float:
-    """Return the device file's value of a parameter of the device: of its chain, gain or effect."""
+    """Return the nominal value of a parameter of the chain, the gain or an effect."""
     if p.kind == "effect":
         return model.effects[p.index].values[p.key]
     if p.kind == "gain":
@@ -734,7 +725,7 @@ def nominal_of(model: Model, p: Parameter) -> float:
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:
     """Return the physical value of each linear parameter by name; origins in rms motions."""
-    told = chain_values(model.build(x).chain)  # with what an effect adds to it
+    told = chain_values(model.build(x).chain)  # including additions by an effect
     own = model.linear_at(x).tolist()
     each = zip(model.linear, own, strict=True)
     return {p.name: told[p.name] if p.name in told else float(v) for p, v in each}

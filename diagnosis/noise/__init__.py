@@ -1,1 +1,1 @@
-"""Models of the noise of a recording; the likeliest is chosen."""
+"""Models of the noise of a recording; the most likely is chosen."""

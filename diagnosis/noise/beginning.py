@@ -1,28 +1,28 @@
 """The initial state of an observer at the first sample of a recording.
 
 An observer that trusts its model forgets a wrong initial state slowly, and the innovations until
-then look like physics. They are nearly linear in the initial state: e = e_0 + C x_0. x_0 is found
-by least squares over the first `BEGINNING` ticks, with C from differences of the device without
-nonsmooth physics. (C of its linear part alone is wrong if damping grows with speed: starting from
-rest with a drag, it left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck friction then
-explained.) With nonsmooth physics, commonly dry friction, C is only approximate, since a mass that
-sticks forgets a speed at once. So two steps are made, and the best of these, of no step and of rest
-is taken. For motors with friction that start at rest, one step cost 77 to 560 more than rest, and a
-resonance that did not exist explained it. If they start in motion, two steps come within 140 of the
-best that was found, and one within 400.
+then look like physics. These are nearly linear in the initial state, e = e_0 + C x_0, which is
+found by least squares over the first `BEGINNING` ticks, with C from differences of the device
+without nonsmooth physics. (C of its linear part alone is wrong if damping grows with speed:
+starting from rest with a drag, it left 75 in -2 ln likelihood in the first 0.2 s, which Stribeck
+friction then explained.) With nonsmooth physics, commonly dry friction, C is only approximate,
+since a mass that sticks forgets a speed at once. So the best of one step, two steps, no step and
+rest is used. For motors with friction that start at rest, one step cost 77 to 560 more than rest,
+and a nonexistent resonance explained the excess. If they start in motion, two steps come within 140
+of the best known state, and one within 400.
 
-Play makes it more nonlinear: a mass behind it starts on one side or the other, or between them, and
-moves when it is hit. So for a device with play, steps of Gauss and Newton start at that answer, and
-with the parts behind the play on either side.
+Play makes innovations more nonlinear: a mass behind it starts on one side or the other, or between
+them, and moves when it is hit. So for a device with play, steps of Gauss and Newton start at that
+state, and at states with the parts behind the play placed across the gap.
 
 Such motion is chaotic. Two masses with play and friction in positions at 500 Hz, simulated freely
-from their true state with another number of substeps, differ by 10 mrad within two seconds. At the
-truth, with ten samples as starts, -2 ln likelihood falls by 0 to 450 under the likeliest noise if
-only the motor is measured, and by 1100 to 6700 over 50 ms. On the friction damper, fits that
-alternate between parameters and a linear initial state ended about 90 higher.
+from their true state with another number of substeps, differ by 10 mrad within two seconds. With
+true parameters, from each of ten samples as the start, this lowers -2 ln likelihood by 0 to 450
+with the most likely noise if only the motor is measured, and by 1100 to 6700 over 50 ms. On the
+friction damper, fits that alternate between parameters and a linear initial state ended about 90
+higher.
 
-Limits: the answer is by least squares from noisy readings, in one valley for each of the starts
-tried.
+Limits: the state is a least-squares estimate from noisy readings, in one valley for each start.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -53,17 +53,17 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
-# Of Gauss and Newton at most, for what they cost: at nine beginnings of the rig above twice as many
+# Most steps of Gauss and Newton. At nine beginnings of the rig above, twice as many
 # gained nothing at five, and 12 to 560 in -2 ln at four. Of nine beginnings of two masses with
 # play (`tests/test_noise_beginning.py`, from 300 to 700) one stays at the linear answer, on the
 # wrong side.
 TURNS = 6
-NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
-STEPS = 2  # with creases, by slopes that are only near: a third gained nothing
-NEARLY = 1e-3  # of the sum of squares, of x and of the slope, that is worth no further turn
-# What lies behind play: where across its gap, and by how many usual speeds it is faster.
+NEGLIGIBLE = 1e-6  # of the largest singular value: smaller directions are ignored
+STEPS = 2  # with creases, by approximate slopes: a third gained nothing
+NEARLY = 1e-3  # relative tolerance of the sum of squares, of x and of the slope
+# Starts of parts behind play: positions across the gap, and relative speeds in usual speeds.
 ACROSS, FASTER = np.linspace(-0.5, 0.5, 9).tolist(), np.linspace(-2.0, 2.0, 9).tolist()
-# Of these, from which steps begin: over the ten beginnings at 50 ms above the grid with two gained
+# The best of these, from which steps begin: at ten beginnings over 50 ms, the grid with two gained
 # 35 300 in -2 ln over the linear answer, one of 5 by 5 with one 27 100 and with three 28 500.
 FROM_ASIDE = 2
 RAN_AWAY = 1e3  # deviations that stand for an overflow
@@ -90,7 +90,7 @@ class Beginnings:
         return innovations_each(self.own, experiment, self.device, starts, self.gains)
 
     def of(self, experiment: Experiment) -> Floats:
-        """Return initial states (gains, 2n): what is added to positions and velocities at first."""
+        """Return initial states (gains, 2n), which add to the first positions and velocities."""
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
         begins = np.zeros((len(self.gains), 2 * self.dof))
         errors = self.followed(first, begins)
@@ -112,7 +112,7 @@ class Beginnings:
         return np.array([tried[k][0][i] for i, k in enumerate(best)])
 
     def _slopes(self, first: Experiment, own: Floats, scale: Floats) -> tuple[Floats, Floats]:
-        """Weighed slopes (gains, 2n, ticks o) by units (gains, 2n) of a beginning, and these."""
+        """Weighted slopes (gains, 2n, ticks o) by units of an initial state; units (gains, 2n)."""
         count, states = len(self.gains), 2 * self.dof
         units = np.repeat([1.0, 1.0 / first.period], self.dof) * scale[:, :1]
         starts = (units[:, :, None] * np.eye(states)).reshape(count * states, states)
@@ -130,7 +130,7 @@ class Beginnings:
     def _step(
         self, begins: Floats, errors: Floats, slopes: Floats, units: Floats, scale: Floats
     ) -> Floats:
-        """A step of Gauss and Newton; none if something is not finite."""
+        """A step of Gauss and Newton; no step if slopes or errors are not finite."""
         found = begins.copy()
         with np.errstate(all="ignore"):
             left = (errors / scale[:, None]).reshape(errors.shape[0], -1)
@@ -150,22 +150,22 @@ def begun(device: Device, experiment: Experiment, observer: Observer) -> Experim
 
 
 def begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """Return a recording with the initial state of the same one elsewhere, without a search."""
+    """Return a recording with the initial state of another version of it, without a search."""
     if e.before is None or other.before is None:
         return replace(e, start=other.start)
     return replace(e, before=begun_as(e.before, other.before))
 
 
 def with_play(physics: Iterable[Physics]) -> bool:
-    """Whether its fits end in the valley where they begin, as with play."""
+    """Whether fits with these effects end in the valley where they begin, as with play."""
     return any(q.valleys for p in physics for q in p.effect.parameters)
 
 
 def smooth(device: Device) -> Device:
     """Return the device whose differences show how innovations depend on the initial state.
 
-    Without nonsmooth physics, since differences over a crease are misleading. Under dry friction
-    that holds a mass no speed shows, and least squares would start with a huge one.
+    It has no nonsmooth physics, since differences over a crease are misleading. While dry friction
+    holds a mass, speeds have no effect, and least squares would give a huge one.
     """
     kept = tuple(p for p in device.physics if not p.effect.creased)
     return device if len(kept) == len(device.physics) else replace(device, physics=kept)
@@ -174,10 +174,7 @@ def smooth(device: Device) -> Device:
 def by_own_slopes(
     device: Device, experiment: Experiment, observer: Observer, linear: Floats
 ) -> Floats:
-    """Return the initial state (2n,) of a device with play, or `linear` if none is better.
-
-    linear: the start of one step of Gauss and Newton, which devices without play use.
-    """
+    """Return the initial state (2n,) of a device with play, or `linear` if this is no worse."""
     here = experiment.on(device)
     if not with_play(here.physics):
         return linear
@@ -213,10 +210,7 @@ def _least(weighed: Callable[[Floats], Floats], begins: Floats) -> Floats:
 
 
 def _aside(device: Device, begin: Floats, usual: float) -> Floats:
-    """The part behind each link with play: on its other side, with the speed before it or not.
-
-    begin (2n,): added to the same position and velocity of all masses; usual: a typical speed.
-    """
+    """Initial states with parts behind play across the gap, at several relative speeds."""
     n, found = begin.size // 2, []
     for physics in device.physics:
         if physics.effect is not backlash:
@@ -231,7 +225,7 @@ def _aside(device: Device, begin: Floats, usual: float) -> Floats:
 
 
 def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) -> Floats:
-    """Result of Gauss and Newton's steps, with wide two-sided slopes because of creases."""
+    """The result of steps of Gauss and Newton, with wide two-sided slopes because of creases."""
     sides = np.concatenate([np.eye(begin.size), -np.eye(begin.size)])
 
     def own(u: Floats) -> Floats:
@@ -249,7 +243,7 @@ def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) 
 
 
 def _units(experiment: Experiment, observer: Observer, masses: int) -> Floats:
-    """Noise of the measurement as positions, and as velocities that reach it in a tick."""
+    """The noise of the measurement as positions, and as velocities that cover it in a tick."""
     return np.repeat([1.0, 1.0 / experiment.period], masses) * float(observer.deviation[0])
 
 
@@ -260,9 +254,9 @@ def innovations_each(
     starts: Floats,
     gains: Sequence[Gain],
 ) -> Floats:
-    """Return innovations (members, ticks, o) from an initial state (2n) and with a gain each.
+    """Return innovations (members, ticks, o), each with its initial state (2n) and gain.
 
-    Infinite from an overflow on. population: one copy of the device for each member.
+    Infinite after an overflow. population: one copy of the device for each member.
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)

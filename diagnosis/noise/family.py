@@ -1,12 +1,9 @@
 """The noise models from which a hypothesis may choose, all evaluated at once.
 
-A model of the noise states how much of the motion is disturbance (the observer's ratio of process
-to measurement variance), and the colour and spread of the rest in each output (the filters that
-whiten the innovations, their covariance). For one device at one x, the members of the family differ
-only in their observers, so they are lanes of one population: the same device, with a gain each.
-
-The first ticks determine where each observer starts (`noise.beginning`): e = e_0 + C x_0, linear in
-the initial state, with C from the device without its nonlinear physics, one lane for every state.
+A model of the noise consists of the share of the motion that is disturbance (the observer's ratio
+of process to measurement variance), and the spectrum and covariance of the innovations (the filters
+that whiten them). For one device at one x, the members of the family differ only in their
+observers, so they are lanes of one population: the same device with different gains.
 """
 
 import math
@@ -35,20 +32,20 @@ from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, steady_ga
 from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
-# From a device that is nearly believed to one that is hardly. At 1e-10 an observer of positions
-# forgets in 300 ticks; coarse encoders on quiet machines ask for 1e-9 (43 in -2 ln over 1e-7 on a
+# From trusting the device almost fully to hardly at all. At 1e-10 an observer of positions
+# forgets in 300 ticks; coarse encoders on quiet machines need 1e-9 (43 in -2 ln over 1e-7 on a
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
-NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
+NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
 
 @dataclass(frozen=True)
 class Family:
     """The noise models from which a hypothesis may choose.
 
-    ratios: of their observers. whitening: whether the rest is taken as white after filtering, so
-    that the next sample decides; without it, errors count as far ahead as the observer looks.
-    counts: as how many independent samples each then counts.
+    ratios: of their observers. whitening: whether innovations are filtered to be white, so that
+    one-step errors decide; without it, errors count as far ahead as the observer looks. counts: as
+    how many independent samples each sample then counts.
     """
 
     ratios: tuple[float, ...]
@@ -66,10 +63,7 @@ class Family:
 
 
 def blind(ratio: float) -> Family:
-    """Return the observer of one ratio, without whitening.
-
-    After whitening, every observer gives about the same.
-    """
+    """Return the family of one ratio, without whitening, after which all observers would agree."""
     return Family((ratio,), whitening=False)
 
 
@@ -77,7 +71,7 @@ NEXT_SAMPLE = Family(tuple(FAMILY.tolist()))
 
 
 def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
-    """Return the noise model that counts errors over a horizon [s] and not in the next sample.
+    """Return the noise model that counts errors over a horizon [s] and not one step ahead.
 
     The steady observer of a rigid body under white force with white noise of its position has poles
     of omega_0 with (omega_0 T)^4 = ratio, of its velocity omega_0 T = sqrt(ratio): its memory is T
@@ -92,9 +86,8 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
 class Noise:
     """The noise model of a hypothesis: its observer, and the observer's initial state.
 
-    starts: for each recording, what is added to positions and velocities (2n,) at its beginning.
-    cost: -2 log likelihood with it, up to a constant. weighed: the innovations weighted by it
-    (samples,).
+    starts: for each recording, the addition to positions and velocities (2n,) at its beginning.
+    cost: -2 log likelihood, up to a constant. weighed: the weighted innovations (samples,).
     """
 
     observer: Observer
@@ -115,10 +108,9 @@ def likeliest(
     family: Family = NEXT_SAMPLE,
     begun: Sequence[Floats] | None = None,
 ) -> Noise:
-    """Return the likeliest noise model; raises NoObserver if none follows.
+    """Return the most likely noise model; raises NoObserver if no observer is possible.
 
-    begun: where the observer of a device with play began nearby, so that this need not be searched
-    for again.
+    begun: with play, initial states of a similar model, so that they need not be sought again.
     """
     with reason("noise"):
         found = noises(experiments, model, x, family)
@@ -170,7 +162,7 @@ def _noise(
     errors: Sequence[Floats],
     experiments: Sequence[Experiment],
 ) -> Noise | None:
-    """The noise of recordings with an observer; None if it does not follow them."""
+    """The noise of recordings with an observer; None if this cannot follow them."""
     if not all(np.all(np.isfinite(e)) for e in errors):
         return None
     share = told(experiments)
@@ -198,7 +190,7 @@ def _begun_with_play(
     noise: Noise,
     begun: Sequence[Floats] | None,
 ) -> Noise | None:
-    """The noise of an observer with the initial state for play; None if that is the same."""
+    """The noise with the initial states that play needs; None if these are the same."""
     if not with_play((*model.nominal.physics, *model.effects)):
         return None
     device = model.acting(x)

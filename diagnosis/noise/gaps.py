@@ -6,13 +6,13 @@ and the first samples after a gap correct it by more:
     P_(k+1) = A (P_k - m_k K_k c P_k) A' + Q,    K_k = P_k c' (c P_k c' + R)^-1,
 
 where m_k = 1 if sample k was measured and 0 if it was lost. This is Kalman's filter of the same
-linear model and noise as the steady observer (`noise.steady`), whose P is where this starts and
-returns to. (With the steady gain after each gap of 10 samples, under an unknown force as large as
+linear model and noise as the steady observer (`noise.steady`), from whose P it starts and to which
+it returns. (With the steady gain after each gap of 10 samples, under an unknown force as large as
 the command, a link's damper was wrong by 5 of its standard errors.)
 
-A recording needs few different P, since gaps of one length are alike: each is computed once, and
-used for another if its covariances with as many following readings as there are states agree to
-`ALIKE`. Effects are neglected, as in the steady gain.
+A recording needs few different P, since gaps of one length are alike: a P is reused for another if
+their covariances with as many following readings as there are states agree to `ALIKE`. Effects are
+neglected, as in the steady gain.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 Lost = NDArray[np.bool_]
 ALIKE = 1e-4  # of the largest of a state's covariances with the next readings
-# Gains along a recording, beyond which the nearest is taken: of 3 in 10 of 20 000 samples lost at
+# Most gains along a recording; then the nearest is used. With 3 in 10 of 20 000 samples lost at
 # random it is off by 4 % of the gain rms.
 MOST = 1000
 
@@ -48,7 +48,7 @@ Gain = Floats | Returning
 def returning(
     device: Device, experiments: Sequence[Experiment], ratio: float, gain: Floats
 ) -> Gain:
-    """Return a steady gain as one that accounts for gaps, if recordings have some.
+    """Return a gain that accounts for gaps, if recordings have any, else the steady gain.
 
     device, ratio: of the steady gain. Raises NoObserver like `steady.spread`.
     """
@@ -58,7 +58,7 @@ def returning(
 
 
 def steadily(gain: Gain) -> Floats:
-    """Return the steady gain alone."""
+    """Return the steady part of a gain."""
     return gain.steady if isinstance(gain, Returning) else gain
 
 
@@ -68,10 +68,10 @@ def with_steady(gain: Gain, steady: Floats) -> Gain:
 
 
 def along(gains: Sequence[Gain], lost: Lost | None) -> tuple[list[Floats], NDArray[np.int64]]:
-    """Return gains and the first column of each sample's, as `sim.predict.Gains` has them.
+    """Return gains, and the first column that counts at each sample, as in `sim.predict.Gains`.
 
-    lost (ticks,): which samples were not measured. Without any, or for gains without knowledge of
-    gaps, returns the gains as they are and (0,).
+    lost (ticks,): which samples were not measured. If none are, or a gain is steady, returns the
+    steady gains and an empty array.
     """
     made = tuple(g for g in gains if isinstance(g, Returning))
     if lost is None or len(made) < len(gains) or not lost.any():
@@ -101,7 +101,7 @@ def _along(gains: tuple[Returning, ...], lost: bytes) -> tuple[list[Floats], NDA
 def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
     """Return which gain counts at each sample (ticks,), and the gains (k, members, states, o).
 
-    Gain 0 is the steady one. spread: of several observers, which share what counts when.
+    Gain 0 is the steady one. spread: of several observers, for which the same gain counts.
     """
     _, motion, c, process, noise = spread
     n = c.shape[1]
@@ -109,7 +109,7 @@ def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
     noises = np.tile(np.diag(noise), n)
 
     def readings(p: Floats) -> tuple[Floats, Floats]:
-        """Covariances of the state with the next n readings (members, n, n o), these' variances."""
+        """Covariances (members, n, n o) of the state with the next n readings; their variances."""
         beside = p @ ahead.swapaxes(1, 2)
         return beside, np.einsum("mri,mir->mr", ahead, beside) + noises
 
@@ -121,7 +121,7 @@ def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
     which, here, since = np.zeros(lost.size, dtype=np.int64), 0, set[int]()
     for k, gone in enumerate(lost.tolist()):
         which[k] = here
-        # What goes back to the steady P stops short of it where it is taken for what it just was.
+        # P returning to the steady one must not be replaced by a P that it just left.
         since = set[int]() if gone else since | {here} if here else since
         step = (here, gone)
         if step not in after:

@@ -1,9 +1,9 @@
-"""Innovations of a device on an experiment, with a fixed observer; and its free run.
+"""Innovations of a device on an experiment with a fixed observer, and its free runs.
 
 The gain comes from a noise model of two numbers, the process force at m1 per tick and the noise of
 the measurement, on the linear part of the device (`noise.steady`). Only their ratio matters for the
-gain. It is chosen by likelihood (`noise.family`) and then fixed inside a fit, since a fit that may
-change its own noise would do so in place of the parameters.
+gain. The ratio is chosen by likelihood (`noise.family`) and fixed inside a fit, which would
+otherwise change the noise in place of the parameters.
 """
 
 from collections.abc import Sequence
@@ -28,29 +28,28 @@ from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most
-SPARED = 100  # samples for each of their coefficients, at least
+SPARED = 100  # samples for each coefficient, at least
 MEMORY = 24.0  # lags over which they see correlation
-BEGINNING = 2000  # ticks by which the state at the start is judged
+BEGINNING = 2000  # first ticks, from which the initial state is estimated
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
-MOST_SUBSTEPS = 256  # a tick, of friction beside a mode of 100 kHz at 1 kHz
+MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
 
 
 @dataclass(frozen=True)
 class Observer:
-    """Gain (states, o), and the standard deviations (o,) of its innovations.
-
-    For recordings with gaps, a gain that accounts for them (`noise.gaps`).
+    """Gain (states, o), or one that accounts for gaps, and deviations (o,) of its innovations.
 
     ratio: process force variance per tick, over measurement variance, in units of (noise unit per
     force step of the rigid body), as in `observer_for`. whitening: W (o, o, order + 1), for which
     sum_k W_k e_(t-k) is white, of unit variance, and uncorrelated between outputs; None for none.
-    deviation is that of the part that the past of all outputs does not predict. counts: as how many
-    independent samples each counts if the innovations stay coloured (`family.as_far_as`); deviation
-    is then divided by its root, so that all weighted innovations count less. told: share of the
-    samples that count; the others are bridged or follow a gap, and have no weight.
+    deviation: of the part that the past of all outputs does not predict. counts: as how many
+    independent samples each sample counts if the innovations stay coloured (`family.as_far_as`);
+    deviation is then divided by the root of `counts`, so that all weighted innovations count less.
+    told: share of the samples that count; the others are bridged or come after a gap, and have no
+    weight.
     """
 
     gain: Gain
@@ -61,10 +60,7 @@ class Observer:
     told: float = 1.0
 
     def weigh(self, innovations: Floats, uncounted: NDArray[np.bool_] | None = None) -> Floats:
-        """Return innovations (..., ticks, o) whitened, in units of their deviation.
-
-        Zero where they do not count, uncounted (ticks,).
-        """
+        """Return whitened innovations (..., ticks, o) in units of deviation, 0 if `uncounted`."""
         if self.whitening is None:
             return innovations / self.deviation
         white = filtered(innovations, self.whitening)
@@ -75,15 +71,15 @@ class Observer:
     def cost(self, white: Floats) -> float:
         """Return -2 log likelihood of weighted innovations (samples,), up to a constant.
 
-        Minimised over the covariance of the rest: n (ln det S_0 + ln det S), where `weigh` divides
-        by S_0 and S is the covariance of its result; all of it counts `counts` times. n is the
-        number of samples that were measured.
+        Minimised over the covariance: n (ln det S_0 + ln det S) `counts` times, where `weigh`
+        divides by S_0, S is the covariance of its result, and n is the number of samples that
+        count.
         """
         rows = white.reshape(-1, self.deviation.size)
         return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
 
     def cost_of(self, moments: Floats, rows: int) -> Floats:
-        """Return the same from sums of w w' over so many rows (members, o, o), w weighted."""
+        """Return `cost` from sums of w w' (members, o, o) over rows of weighted innovations w."""
         if self.whitening is None:
             divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
@@ -99,7 +95,7 @@ class Observer:
 
 
 def told(experiments: Sequence[Experiment]) -> float:
-    """Return the share of the samples, once settled, that count."""
+    """Return the share of the samples after settling that count."""
     if all(e.uncounted is None for e in experiments):
         return 1.0
     counted = sum(e.ticks - SETTLING for e in experiments)
@@ -115,23 +111,23 @@ def whitened(
 ) -> Observer:
     """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
 
-    experiments: the recordings, which say which samples do not count; without them all count.
+    experiments: the recordings, with their uncounted samples; by default all samples count.
 
-    Autoregression by Yule and Walker over all outputs together: a disturbance moves every mass, and
-    two outputs taken for independent would count it twice. Slopes depend on past readings only, so
-    truly white innovations bias no parameter, whatever noise the observer was made for; coloured
-    ones let an effect explain their colour. Hence the high order: with encoder noise of colour 0.6
-    to 0.7, order 8 gave hysteresis a chi-square of 65 and 114 where nothing was missing. Like the
-    gain, the filter is estimated between fits and never inside one. Colour from missing physics is
-    whitened too; this costs some of its weight and none of its shape, and disappears when the
-    physics is found. So that no single line is removed completely, the spectrum that the filter
-    makes flat is smoothed: correlation at lag k counts exp(-k^2 / 2 memory^2), a resolution of 1 /
-    (2 pi memory T), 6.6 Hz at 1 kHz.
+    This is an autoregression by Yule and Walker over all outputs together, since a disturbance
+    moves every mass and would count twice if outputs were independent. Slopes depend on past
+    readings only, so truly white innovations bias no parameter, whatever noise the observer was
+    made for; coloured ones let an effect explain their colour. Hence the high order: with encoder
+    noise of correlation 0.6 to 0.7 and order 8, hysteresis gained a chi-square of 65 and 114
+    although nothing was missing. Like the gain, the filter is estimated between fits and never
+    inside one. Colour from missing physics is whitened too; this costs some of its weight and none
+    of its shape, until the physics is found. So that no single line is removed completely, the
+    spectrum is smoothed before it is whitened: correlation at lag k counts exp(-k^2 / 2 memory^2),
+    a resolution of 1 / (2 pi memory T), 6.6 Hz at 1 kHz.
 
-    A sample that does not count has no innovation: it adds nothing to R_k, and R_k is divided by
-    the same number as R_0, which keeps it the covariance of a process.
+    A sample that does not count adds nothing to R_k, and all R_k are divided by the same number as
+    R_0, so that they remain the covariance of a process.
 
-    Raises NoObserver if no filter makes them white.
+    Raises NoObserver if no filter makes the innovations white.
     """
     share = told(experiments)
     uncounted = [e.uncounted for e in experiments] or [None] * len(innovations)
@@ -176,11 +172,11 @@ def whitened(
 
 @dataclass(frozen=True)
 class Fineness:
-    """Substeps a tick: with smooth forces, and where friction turns or play opens or shuts.
+    """Substeps per tick: with smooth forces, and when friction turns or play opens or shuts.
 
     Errors for smooth forces, against 64 substeps, on 20 s at 20 times the limit (100 sigma):
-    SEARCHING leaves below 2 sigma, enough to distinguish effects, FINAL below 0.5. SCREENING is for
-    first fits. For friction and play: `python -m benchmarks.event_substeps`.
+    SEARCHING leaves less than 2 sigma, enough to distinguish effects, FINAL less than 0.5.
+    SCREENING is for first fits. For friction and play: `python -m benchmarks.event_substeps`.
     """
 
     smooth: int
@@ -198,9 +194,9 @@ class Prepared(NamedTuple):
 
 
 def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
-    """Prepare a device. A reversal inside a substep makes friction wrong for its rest.
+    """Prepare a device. After a reversal inside a substep, friction is wrong for its rest.
 
-    Raises NoObserver if it needs more substeps per tick than `MOST_SUBSTEPS` (`enough`).
+    Raises NoObserver if it needs more than `MOST_SUBSTEPS` substeps per tick (`enough`).
     """
     few, many = substeps_of(device, fineness)
     coarse = equations(device, few)
@@ -210,18 +206,18 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
 def prepared_each(
     device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL
 ) -> list[Prepared]:
-    """Return the device as it was in each recording, prepared; once for those without changes."""
+    """Return the prepared device for each recording, shared by recordings without changes."""
     plain = prepared(device, fineness)
     return [plain if e.changes is None else prepared(e.on(device), fineness) for e in experiments]
 
 
 def substeps_of(device: Device, fineness: Fineness) -> tuple[int, int]:
-    """Return the substeps per tick, and in ticks that need more; see `prepared`."""
+    """Return the substeps per tick, and the number in ticks that need more; see `prepared`."""
     return substeps_for(device.physics, fineness, enough(device))
 
 
 def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) -> tuple[int, int]:
-    """Return the same of effects where at least so many are `needed`."""
+    """Return the same for effects if at least `needed` substeps are necessary."""
     hooks = {p.effect.hook for p in physics if p.effect.name != "backlash"}
     few = max(needed, fineness.smooth if "force" in hooks else 1)
     events = "friction" in hooks or any(p.effect.name == "backlash" for p in physics)
@@ -229,10 +225,7 @@ def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) ->
 
 
 def enough(device: Device) -> int:
-    """Return the substeps per tick that dry friction of a device needs, 1 without it.
-
-    Raises NoObserver if these are more than `MOST_SUBSTEPS`.
-    """
+    """Return the substeps per tick for dry friction, else 1; raises NoObserver if too many."""
     needed = enough_substeps(device)
     if needed > MOST_SUBSTEPS:
         raise NoObserver(
@@ -242,10 +235,7 @@ def enough(device: Device) -> int:
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
-    """Return the memory at the first sample: masses at the first position, speed by slope.
-
-    The known initial state of the recording (`begun`) is added.
-    """
+    """Return the memory at the first sample: `first_motion` plus the recording's `start`."""
     position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
     memory = start_memory(eq, Start(position, velocity), began=experiment.begins)
     if experiment.start is not None:
@@ -261,7 +251,7 @@ def memory_at(
 ) -> tuple[Memory, Floats | Gains]:
     """Return the memory with which an observer begins a recording, and its padded gain.
 
-    For the rest of a recording, this is how the part before it ends.
+    The rest of a recording begins as the part before it ends.
     """
     eq, fine = ready
     (wide,), columns = along([gain], experiment.lost)
@@ -278,7 +268,7 @@ def memory_at(
 
 
 def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> tuple[float, float]:
-    """Return position and velocity at the first sample of what was measured (ticks, o)."""
+    """Return position and velocity at the first sample of outputs measured (ticks, o)."""
     velocity = 0.0
     for o, output in enumerate(outputs):
         y = measured[:, o]
@@ -294,8 +284,8 @@ def observer_memories(
 ) -> tuple[Memory, ...]:
     """Return the memories of `observer_memory` for all members.
 
-    motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n); began
-    [s]: time since the start of the recording.
+    motions (members, 2): of `first_motion`; starts: (2n,) or (members, 2n), added; began [s]: time
+    since the start of the recording.
     """
     dof = population.dof
     whole = np.ones((population.size, dof - population.followers.shape[0]))
@@ -318,12 +308,10 @@ def innovations(
     external: Floats | None = None,
     ready: Prepared | None = None,
 ) -> Floats:
-    """Return innovations (ticks, o); infinite from where the prediction overflowed.
+    """Return innovations (ticks, o), infinite after an overflow, zero where uncounted.
 
-    Zero where a recording does not count (`Experiment.uncounted`).
-
-    external: forces (ticks, n) added to the device's own, in place of those of the recording.
-    ready: the device as it was in this recording (`Experiment.on`), prepared.
+    external: forces (ticks, n) in place of those of the recording. ready: the prepared device for
+    this recording (`Experiment.on`).
     """
     ready = prepared(experiment.on(device)) if ready is None else ready
     eq, fine = ready
@@ -339,9 +327,9 @@ def innovations(
 
 
 def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
-    """Return positions and velocities (ticks, 2n) of all masses as an observer predicts them.
+    """Return positions and velocities (ticks, 2n) of all masses that an observer predicts.
 
-    By outputs that correct nothing: their innovation for a measurement of zero is the negative
+    They are outputs that correct nothing, whose innovation for a measurement of zero is minus the
     state.
     """
     n, o = device.chain.masses.size, len(experiment.outputs)
@@ -362,9 +350,9 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:
     """Return the outputs (ticks, o) of a device for a command and given innovations e (ticks, o).
 
-    In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
-    begins the experiment. An output of a place that stays zero has its measurement as innovation;
-    outputs that correct nothing, measured as zero, give -h. Infinite after an overflow.
+    In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from an observer's
+    initial state. The innovation of an output that stays zero is its measurement, here e; outputs
+    that correct nothing, measured as zero, give -h. Infinite after an overflow.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places, o = experiment.places(eq), errors.shape[1]
@@ -384,7 +372,7 @@ def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -
 
 
 def _beside(gain: Floats | Gains, outputs: int, more: int) -> Floats | Gains:
-    """Gains with outputs that correct nothing, after those of each."""
+    """Gains with further outputs that correct nothing, after those of each gain."""
     of, columns = gain if isinstance(gain, Gains) else (gain, None)
     parts = of.reshape(of.shape[0], -1, outputs)
     wide = np.pad(parts, ((0, 0), (0, 0), (0, more))).reshape(of.shape[0], -1)
@@ -394,13 +382,13 @@ def _beside(gain: Floats | Gains, outputs: int, more: int) -> Floats | Gains:
 def padded(
     gain: Floats, device: Device, eq: Equations | Population, experiment: Experiment
 ) -> Floats:
-    """Gain for a device with other states than the one it was made for: a lag, further masses.
+    """Return a gain for a device with other states than its own: a lag, further masses.
 
-    gain: one, or several beside each other, the steady one first.
+    gain: one, or several side by side, the steady one first.
 
     A further mass is corrected like the mass that it is attached to, otherwise every correction
-    would stretch its spring. A gain that is made for readings with a lag compensates the lag, and
-    may destabilise a device without it; then the reading is corrected as before.
+    would stretch its spring. A gain for readings with a lag compensates the lag, which may
+    destabilise a device without it; then the gains of the lagging readings are used.
     """
     full = np.zeros((eq.states, gain.shape[1]))
     known = min(gain.shape[0] // 2, eq.dof)
@@ -427,28 +415,22 @@ def copied(memory: Memory) -> Memory:
 
 
 def window(experiment: Experiment) -> int:
-    """Return the ticks of a free run: half a second, or a third of a shorter recording.
-
-    At least `SHORTEST_WINDOW`, and never more than there are.
-    """
+    """Return the ticks of a free run: half a second or a third, at least `SHORTEST_WINDOW`."""
     wanted = min(round(FREE_RUN_S / experiment.period), experiment.ticks // 3)
     return min(max(SHORTEST_WINDOW, wanted), experiment.ticks)
 
 
 def settling(experiment: Experiment) -> int:
-    """Return the ticks until the observer has settled: none if it continues from before.
-
-    The part before the rest of a recording is simulated first (`memory_at`).
-    """
+    """Return the ticks until the observer has settled, less those simulated before."""
     before = experiment.before
     return SETTLING if before is None else max(0, SETTLING - before.ticks)
 
 
 def free_run_starts(experiment: Experiment, length: int) -> list[int]:
-    """Return where free runs of so many ticks begin: one after the other, once settled.
+    """Return the first ticks of consecutive free runs of a length [ticks], after settling.
 
-    Windows in which the force of an event begins or ends are left out, if others remain: the force
-    is only known as well as its own samples show, and a free run accumulates its error.
+    Windows in which the force of an event begins or ends are left out if others remain, since a
+    free run accumulates the error of that force.
     """
     possible = range(0, experiment.ticks - length + 1, length)
     settled = [first for first in possible if first >= settling(experiment)]
@@ -462,10 +444,10 @@ def free_run_starts(experiment: Experiment, length: int) -> list[int]:
 def free_run_errors(
     device: Device, experiment: Experiment, gain: Gain, window: int
 ) -> tuple[Floats, Floats]:
-    """Return (errors, measured about its mean in each window), each (windows x window, o).
+    """Return errors, and the measurement about its mean in each window, (windows x window, o).
 
-    Both are zero where nothing was measured. Each window starts in the observer's state at its
-    beginning, then runs free.
+    Both are zero where nothing was measured. Each window starts in the observer's state, then runs
+    free.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places = experiment.places(eq)
@@ -501,10 +483,7 @@ class FreeRuns(NamedTuple):
 def free_runs(
     device: Device, experiment: Experiment, gain: Gain, lengths: Sequence[int], most: int
 ) -> list[FreeRuns]:
-    """Return free runs of several lengths, as `free_run_errors` makes them.
-
-    most: of each length, evenly spread over the recording. The observer runs through it once.
-    """
+    """Return at most `most` free runs of each length, evenly spread (see `free_run_errors`)."""
     eq, fine = ready = prepared(experiment.on(device))
     places, o, n = experiment.places(eq), len(experiment.outputs), device.chain.masses.size
     states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
@@ -547,18 +526,15 @@ def free_runs(
 
 
 def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
-    """Return the steady gain (states, o) for a ratio of process to measurement variance.
-
-    Raises NoObserver if there is none (`zwidth.diagnosis.noise.steady`).
-    """
+    """Return the steady gain (states, o) for a ratio of variances; may raise NoObserver."""
     return steady(device, experiment, ratio).gain
 
 
 def observer_near(device: Device, experiment: Experiment, ratio: float) -> Floats:
-    """Return the gain for a ratio, or for the nearest one for which there is an observer.
+    """Return the gain for a ratio, or for the nearest ratio with an observer.
 
     The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
-    not for the next. Raises NoObserver if there is none within six decades.
+    not for the next. Raises NoObserver if none is possible within six decades.
     """
     for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
         with suppress(NoObserver):
@@ -567,7 +543,7 @@ def observer_near(device: Device, experiment: Experiment, ratio: float) -> Float
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Gain) -> Floats:
-    """Return the rms of the innovations, (o,)."""
+    """Return the rms of the innovations that count, (o,), infinite after an overflow."""
     kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
     with np.errstate(all="ignore"):  # infinite after an overflow
         return np.sqrt(np.mean(kept**2, axis=0) / told(experiments))

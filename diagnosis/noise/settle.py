@@ -17,16 +17,16 @@ from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 TURNS, ROUNDS = 6, 12
-STILL = 0.5  # of -2 log likelihood, below which the turns agree
+STILL = 0.5  # change of -2 log likelihood, below which the turns agree
 
 
 def prepared_for(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> Problem:
-    """Return the recordings with the likeliest noise of a model at x; raises NoObserver.
+    """Return the recordings with the most likely noise of a model at x; may raise NoObserver.
 
-    Recordings of a device with play carry their initial state, since finding it takes long. It is
-    kept from the observer of nearly the same model.
+    With play, the initial states that the recordings already have are kept, since finding them
+    takes long; they come from the observer of nearly the same model.
     """
     starts = [e.start for e in experiments if e.start is not None]
     play = with_play((*model.nominal.physics, *model.effects))
@@ -62,10 +62,7 @@ def fitted_in_turn(
 def settle(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> tuple[Problem, Fitted]:
-    """Fit a model from x, choosing its noise again between fits until both agree.
-
-    family: as in `fitted_in_turn`. Raises NoObserver if none follows the recordings.
-    """
+    """Fit a model from x, choosing its noise again in turn; may raise NoObserver."""
     _, x, ratio = fitted_in_turn(experiments, model, x, family)
     problem = prepared_for(experiments, model, x, NEXT_SAMPLE.near(ratio))
     return problem, fit(problem, model, x)
@@ -80,11 +77,10 @@ def refit(
 
 
 def cost_at(ratio: float, model: Model, x: Floats, experiments: Sequence[Experiment]) -> float:
-    """Return the cost of a model with the observer of a ratio; infinite if there is none.
+    """Return the cost of a model with the observer of a ratio, infinite if none is possible.
 
-    After whitening, another observer is another model of the noise, and this alone changed a
-    likelihood by 120 in -2 log likelihood. So another model is compared with the current one under
-    the observers of both.
+    After whitening, another observer is another noise model, which alone changed -2 log likelihood
+    by 120. So two models are compared with the observers of both.
     """
     try:
         there = prepared_for(experiments, model, x, NEXT_SAMPLE.of(ratio))

@@ -1,15 +1,15 @@
 """The steady-state observer of a linear device: its gain and the covariance of innovations.
 
-The noise model has two numbers, a force at m1 held for a tick each and the noise of the
-measurement, of which only the ratio matters for the gain K = P c' (c P c' + R)^-1. P is the
-covariance of the state before each sample, from the discrete algebraic Riccati equation
+The noise model has two variances, of a force at m1 that is held for a tick and of the measurement,
+of which only the ratio matters for the gain K = P c' (c P c' + R)^-1. P is the covariance of the
+state before each sample, from the discrete algebraic Riccati equation
 
     P = A (P - K c P) A' + Q.
 
-If no spring ties a device to ground and only velocities are measured, there is no such P: the
-position never shows, and its uncertainty grows forever. But the motion does not depend on the
-position, and so neither does the gain. With q1, the position, separated from z = (the other
-positions less q1, velocities, actuator),
+If no spring ties a device to ground and only velocities are measured, there is no such P, since the
+uncertainty of the position grows forever. But the motion does not depend on the position, nor does
+the gain. With the position q1 separated from z = (the other positions minus q1, velocities,
+actuator),
 
     z' = F z + noise,    q1' = q1 + g z + noise,    the output a function of z alone:
 
@@ -18,7 +18,7 @@ the Riccati equation in z gives its gain L, and the covariance X of q1 with z, w
     X = (X + g P) (I - L c)' F' + Q_1z,
 
 is linear; the gain of q1 is X c' (c P c' + R)^-1. (A force held for a tick moves a mass by T / 2
-for each unit of velocity: this part of an innovation belongs to q1.)
+for each unit of velocity; this part of an innovation corrects q1.)
 
 The gains of a population come from a doubling algorithm, for all members at once: with A_0 = A',
 G_0 = c' R^-1 c, H_0 = Q and W = (1 + G H)^-1,
@@ -29,15 +29,15 @@ performs 2^k ticks of the recursion in k steps, and H becomes P (Chu, Fan, Lin &
 Control 77(8), 2004).
 
 While a link with play carries no force, the mass behind it moves on its own, and an error of m1's
-reading says nothing about it. If it were corrected as in contact, each such error would move it,
-and parameters and spurious effects would be fitted to the result. On two masses with only the motor
-measured, 8 s at 1 kHz, the truth cost 1640 more in -2 ln than now, and a fit of its structure 240
-less than the truth, where it now costs 75 less. So a device with play has two gains, (states, 2 o):
-one in contact, and, as long as a pin is off its sides (`sim.predict`), one without the parts behind
-a cut link that have no output. Parts with an output keep their gain: with noise of their own in
-place of that of the whole, two masses that are both measured were likeliest with a gap that they
-never cross. If one of several links with play is free, all count as free; the growing uncertainty
-of a part that moves on its own is neglected.
+reading contains no information about it. If that mass were corrected as in contact, each such error
+would move it, and parameters and spurious effects would be fitted to the result. On two masses with
+only the motor measured, 8 s at 1 kHz, the truth then cost 1640 more in -2 ln, and a fit of its
+structure 240 less than the truth instead of 75. So a device with play has two gains, (states, 2 o):
+one in contact and one for links without contact (`sim.predict`), which does not correct the parts
+behind the links that have no output. Parts with an output keep their gain: with separate noise
+models, two masses that are both measured were most likely with a gap that they never cross. If one
+of several links with play is free, all count as free; the growing uncertainty of a part that moves
+on its own is neglected.
 """
 
 from collections.abc import Sequence
@@ -58,22 +58,21 @@ from zwidth.sim.reading import Places
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
-DOUBLINGS = 60  # 2^60 ticks: what has not settled by then never does
-SETTLED = 1e-12  # change of P over P at which it has
-UNSEEN = 1e-6  # a tick, by which what stands unseen may seem to grow
-UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is rounding
+DOUBLINGS = 60  # 2^60 ticks: a P that has not settled by then never does
+SETTLED = 1e-12  # relative change of P at which it has settled
+UNSEEN = 1e-6  # per tick: apparent growth of an unobserved position
+UNTIED = 1e-14  # of a mass's stiffness, below which stiffness to ground is rounding
 
 
 class NoObserver(ArithmeticError):
-    """No observer exists for a model, or the model runs away under it: a result, not a mistake.
+    """No observer exists for a model, or the model runs away with one: a result, not a mistake.
 
-    A search leaves such a model out. This is no ValueError, so that it is not confused with a
-    programming error, which often raises one.
+    A search leaves such a model out. It is not a ValueError, which programming errors often raise.
     """
 
 
 class Steady(NamedTuple):
-    """Gain (states, o), and the innovations' deviations (o,) over that of a measured position.
+    """Gain (states, o), and deviations (o,) of innovations over that of a measured position.
 
     With play the gain is (states, 2 o): in contact, and while the link carries no force.
     """
@@ -106,8 +105,8 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """Return the steady observer for a ratio of process to measurement variance.
 
     The process noise is in units of the force that moves the whole mass by one noise unit within a
-    tick, which makes the ratio independent of the device's units. Raises NoObserver if there is
-    none.
+    tick, which makes the ratio independent of the device's units. Raises NoObserver if none is
+    possible.
     """
     found, _ = _in_contact(device, experiment, ratio)
     if links := links_with_play(device):
@@ -152,8 +151,8 @@ def steady_gains(
 def spread(device: Device, experiment: Experiment, ratio: float) -> Spread:
     """Return the covariance of the state in `steady_gains` of a device.
 
-    If the position of the device is not observed, P is that for a known position of m1, which no
-    gain depends on. Raises NoObserver if there is none.
+    If the position of the device is not observed, P is for a known position of m1, on which no gain
+    depends. Raises NoObserver if none is possible.
     """
     if _stands_unseen(device.plant(), experiment):
         return _in_contact(device, experiment, ratio)[1]
@@ -189,7 +188,7 @@ def links_with_play(device: Device) -> tuple[int, ...]:
 def with_apart(
     device: Device, links: Sequence[int], experiment: Experiment, gains: Floats
 ) -> Floats:
-    """Return gains (..., states, o) with those for links that carry nothing (..., 2 o)."""
+    """Return gains (..., states, o) with those for links without contact, (..., states, 2 o)."""
     chain = device.chain
     springs, dampers = chain.link_springs.copy(), chain.link_dampers.copy()
     springs[list(links)] = dampers[list(links)] = 0.0
@@ -213,8 +212,7 @@ def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Fl
 def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
     """Return P (members, n, n), NaN if it does not converge.
 
-    States are scaled by their uncertainty, so that the inverse is of a matrix near 1 whatever the
-    units.
+    States are scaled by their uncertainty, so that the inverted matrix is near 1 in any units.
     """
     unit = np.sqrt(np.diagonal(process, axis1=1, axis2=2)).max(axis=0)
     a = (motion * unit / unit[:, None]).swapaxes(1, 2)
@@ -240,7 +238,7 @@ def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Float
 
 
 def _riccati(a: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
-    """Solve for P; raises NoObserver where the solver does not, for which it has two exceptions."""
+    """Solve for P; raises NoObserver if the solver fails."""
     try:
         return np.asarray(solve_discrete_are(a.T, c.T, process, noise), dtype=np.float64)
     except ValueError as error:  # LinAlgError is one
@@ -255,9 +253,9 @@ def noise_scale(experiment: Experiment) -> Floats:
 
 
 def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
-    """The outputs as functions of the state, (o, size); a late position depends on its speed too.
+    """Return c (o, size) of the outputs; a late position depends on its speed too.
 
-    An observer without this would correct too much; one of large gain diverges.
+    Without this an observer would correct too much, or diverge with a large gain.
     """
     places, rows = experiment.places(of), np.arange(len(experiment.outputs))
     c = np.zeros((rows.size, size))
@@ -272,10 +270,7 @@ def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
 
 
 def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
-    """Whether an observer of that gain (states, o) forgets its start: (1 - L c) A shrinks.
-
-    An unobserved position need not converge.
-    """
+    """Whether an observer forgets its start: (1 - L c) A shrinks, except unobserved positions."""
     plant = device.plant()
     a, _ = hold(plant, experiment.period)
     c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
@@ -296,7 +291,7 @@ def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
 def _of_motion(
     plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats
 ) -> tuple[Steady, Spread]:
-    """The observer of a device whose position is not observed, as the module says."""
+    """The observer of a device whose position is not observed (module docstring)."""
     others = np.eye(plant.size)[1:]
     others[: plant.dof - 1, 0] = -1.0  # z = others x
     back = np.zeros((plant.size, plant.size - 1))

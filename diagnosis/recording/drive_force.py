@@ -1,14 +1,14 @@
-"""The force of a drive that prescribes a motion, as the position where its spring ends.
+"""Converts the force of a drive that prescribes a motion into the position of m1.
 
 On a bench that moves one end of a device and measures the force there, a motion is the command and
-a force the output. Its drive is a spring of known stiffness K to the moved end (the load cell and
-its mount: `[drive] kind = "position"`), so its force gives the position of the device's own end,
+a force the output. The drive is a spring of known stiffness K to the moved end (the load cell and
+its mount: `[drive] kind = "position"`), so its force gives the position of the device's end,
 
     F = K (u - q)    gives    q = u - F / K,
 
-where u is the motion and q the position of m1. This is a measurement like any other; the error of a
-model in q, times K, is its error in the force. If K is too high, the rest of the compliance is
-attributed to the device's first spring; if it is too low, nothing can compensate it.
+where u is the motion and q the position of m1. A model's error in q, times K, is its error in the
+force. If K is too high, the remaining compliance is attributed to the device's first spring; if it
+is too low, nothing can compensate it.
 
 Such a motion is smooth between its samples (`sim/smooth_command.py`), since no mass could follow
 steps.
@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Valued
 from zwidth.sim.changes import Changes
 from zwidth.sim.device import Device
 
@@ -29,7 +30,7 @@ FORCE = "force_m1"
 
 
 @dataclass(frozen=True)
-class Pushed:
+class Pushed(Valued):
     """A drive that is a spring: its force at q = 0 (ticks,), as recorded, and its stiffness."""
 
     at_zero: Floats
@@ -40,19 +41,16 @@ class Pushed:
         return (self.at_zero - force) / self.stiffness
 
     def force(self, position: Floats) -> Floats:
-        """Return the force (ticks,) of the drive where m1 is there."""
+        """Return the force (ticks,) of the drive for positions (ticks,) of m1."""
         return self.at_zero - self.stiffness * position
 
     def part(self, cut: slice) -> "Pushed":
-        """Return it for some of the samples."""
+        """Return the drive for some of the samples."""
         return Pushed(self.at_zero[cut], self.stiffness)
 
 
 def drive_stiffness(device: Device, changes: Changes | None) -> float:
-    """Return K [N/m | N m/rad] of the drive of a run; 0 if none shows a position.
-
-    A drive with damping is excluded, since its force is not that of a spring alone.
-    """
+    """Return K [N/m | N m/rad] of a run's drive; 0 without a spring or with damping."""
     there = device if changes is None else changes.of(device)
     loops = [p.values for p in there.physics if p.effect.name == "position_servo"]
     if not loops or loops[0]["damping"] + loops[0]["back_emf"] > 0.0:

@@ -22,6 +22,7 @@ from zwidth.logs.stretches import bridged, jumps, without_gaps
 from zwidth.logs.timing import examine
 from zwidth.logs.uneven import evened
 from zwidth.logs.wrapped import unwrapped
+from zwidth.shown import Valued
 from zwidth.sim.changes import Changes, changes_of
 from zwidth.sim.device import Device
 from zwidth.sim.predict import GROUND, Outputs
@@ -30,20 +31,20 @@ from zwidth.sim.trace import Trace
 Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_(?:m([1-5])|link([1-4])([2-5]))$")
 SHORTEST = 200
-RETURNS = 1  # times as long as a gap, until an observer has found the state again
-BLOCKS = 50  # in which pauses are looked for
+RETURNS = 1  # times the length of a gap, until an observer has found the state again
+BLOCKS = 50  # in which pauses are sought
 PAUSE = 5  # blocks, at least
 STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that of the recording
-STEADY = 0.05  # the same of the command's means over blocks, which noise leaves and a ramp does not
-LATE = 0.25  # of the period, that intervals of a late loop are longer by in the mean
+STEADY = 0.05  # the same for the command's means over blocks; a ramp exceeds it
+LATE = 0.25  # of the period: largest mean lengthening of the intervals of a late loop
 SAMPLED = ("command", "measured", "sensor_error", "dropped", "force", "base", "pushes",
            "strengths", "bridged", "uncounted")  # fmt: skip
-WAITS = 0.1  # of its swing, that a recording moves at least in what is looked at first
+WAITS = 0.1  # of its swing: least motion in the first samples of a recording
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
 class Placed(Protocol):
-    """A device that has indices of positions, and where each mass is read (`sim/reading.py`)."""
+    """A device with indices of its states and of the mass readings (`sim/reading.py`)."""
 
     @property
     def dof(self) -> int:
@@ -52,21 +53,21 @@ class Placed(Protocol):
 
     @property
     def reads(self) -> NDArray[np.int64]:
-        """Shape (2, n)."""
+        """Indices of the position and velocity read at each mass, (2, n)."""
         ...
 
 
 class ExperimentError(ValueError):
-    """A recording that cannot be diagnosed; the sentence says what to record instead."""
+    """A recording that cannot be diagnosed; the sentence gives advice."""
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Valued):
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
 
-    less: the mass relative to which it is measured, for the deflection of a link; None for the
-    ground. truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after
-    the instant at which the commands act, negative before it; this does not change the channel.
+    less: the mass relative to which a deflection of a link is measured; None for the ground. truly:
+    whether it is the true state and not a sensor's reading. late [s]: time of reading after
+    commands act, negative if before; ignored in comparisons.
     """
 
     quantity: str
@@ -82,19 +83,19 @@ class Output:
 
     @property
     def at(self) -> str:
-        """Place: a mass, or the link whose deflection it is."""
+        """The place: a mass, or the link of a deflection."""
         first = self.mass + 1
         return f"m{first}" if self.less is None else f"link{first}{self.less + 1}"
 
     @property
     def tells_position(self) -> bool:
-        """Whether it shows the device's position, and not only its speed or deflection."""
+        """Whether the channel shows the device's position, not only its speed or a deflection."""
         return self.quantity == "position" and self.less is None
 
 
 @dataclass(frozen=True)
-class Covariate:
-    """What was recorded beside the motion that parameters may follow: values (ticks,), unit."""
+class Covariate(Valued):
+    """A recorded quantity, besides the motion, on which parameters may depend: values (ticks,)."""
 
     name: str
     unit: str
@@ -102,29 +103,27 @@ class Covariate:
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are.
+class Experiment(Valued):
+    """command (ticks,) and measured (ticks, o) in SI, every period [s]; outputs: the o channels.
 
-    swing: rms of the first output about its mean, in the whole recording. What was found out about
-    the recording itself: sensor_error (ticks,) is what its steps add to the first output, dropped
-    (ticks,) are the commands that were not delivered; both count where a model has that effect.
-    start: what to add to positions and velocities (2n,) that the observer begins with. force
-    (ticks, n): a force of unknown cause on the masses, to see what it would explain. begins [s]:
-    after the recording does; notes: sentences about what was recorded, to be said with the answer.
-    before: what was recorded up to here, where this is the rest of a recording; an observer follows
-    it first, since what it says of the state (a position of which only the velocity is measured,
-    the side of a play) no later sample may. changes: what was known to be different about the
-    device. pushed: where the first output is the position that a drive's force tells. shares: how
-    much of each change of a parameter (`Model.varying`) holds here; none of those not named. base
-    (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded;
-    pushes (ticks, n): forces on the masses, likewise.
-    covariates: what else was recorded at each sample (a temperature), that parameters may follow.
-    strengths (ticks,): how much of the drive's force counts, as was recorded: 0 where it was off,
-    the supply over its nominal voltage; None for all of it. own: names of parameters that are not
-    as in other recordings, each with a word that those which share its value have, too. bridged
-    (ticks,): where nothing was measured and `measured` only goes on smoothly; None for nowhere.
-    uncounted (ticks,): what is not judged by: that, and what the observer needs after each such
-    gap to find the state again.
+    swing: rms of the first output about its mean, in the whole recording. sensor_error (ticks,):
+    the error that steps add to the first output; dropped (ticks,): commands that were not
+    delivered; both count only if a model has that effect. start: addition to the positions and
+    velocities (2n,) with which the observer begins. force (ticks, n): a trial force of unknown
+    cause on the masses. begins [s]: time since the start of the recording; notes: sentences for the
+    answer. before: the earlier part, if this is the rest of a recording; an observer follows it
+    first, since it determines states that later samples may not (a position, if only velocity is
+    measured; the side of a play). changes: known differences of the device. pushed: the drive, if
+    its force gives the first output. differenced: the filter coefficient of positions that were
+    velocities. folded: whether a rectifying sensor was unfolded. shares: the share of each change
+    of a parameter (`Model.varying`), zero if not listed. base (ticks,): acceleration of the base,
+    held for a tick, if recorded; pushes (ticks, n): likewise forces on the masses. covariates:
+    other recorded quantities (a temperature) on which parameters may depend. strengths (ticks,):
+    recorded factor of the drive's force (0 if off, else supply over nominal voltage); None for 1.
+    own: names of parameters with their own value, each with a word that is the same in recordings
+    that share the value. bridged (ticks,): where nothing was measured and `measured` is
+    interpolated; None for nowhere. uncounted (ticks,): samples that do not judge: bridged ones, and
+    those that the observer needs after each gap to find the state again.
     """
 
     period: float
@@ -162,7 +161,7 @@ class Experiment:
 
     @property
     def lost(self) -> NDArray[np.bool_] | None:
-        """Which samples, also before it (ticks together,), were not measured; None for none."""
+        """Which samples were not measured (all ticks,), those of `before` first; None for none."""
         before = None if self.before is None else self.before.lost
         if before is None and self.bridged is None:
             return None
@@ -180,7 +179,7 @@ class Experiment:
 
     @property
     def own_names(self) -> list[str]:
-        """Names of the values of its own (`model.own_values`): of parameters and origins."""
+        """Names of its own values (`model.own_values`): of parameters, origin and zeros."""
         own = [f"{target} in {word}" for target, word in self.own]
         further = [o.mass + 1 for o in self.outputs if o.tells_position and o.mass > 0]
         zeros = [f"zero_m{mass} in {self.name}" for mass in dict.fromkeys(further)]
@@ -188,7 +187,7 @@ class Experiment:
 
     @property
     def switched_off(self) -> bool:
-        """Whether the drive is off in a part of it."""
+        """Whether the drive is off in a part of the recording."""
         return self.strengths is not None and bool(np.any(self.strengths == 0.0))
 
     def strengths_in(self, part: slice) -> Floats | None:
@@ -196,7 +195,7 @@ class Experiment:
         return None if self.strengths is None else self.strengths[part]
 
     def on(self, device: Device) -> Device:
-        """Return a device as it was in this recording."""
+        """Return a device with the known differences of this recording."""
         return device if self.changes is None else self.changes.of(device)
 
     @property
@@ -205,7 +204,7 @@ class Experiment:
         return self.command.size
 
     def places(self, of: Placed) -> Outputs:
-        """Return the indices of the outputs in a state, as read or as they truly are."""
+        """Return the indices of the outputs in a state, as read or as they are."""
 
         def place(o: Output, mass: int) -> int:
             row = int(o.quantity == "velocity")
@@ -220,7 +219,7 @@ class Experiment:
         )  # fmt: skip
 
     def external(self, dof: int, force: Floats | None = None) -> Floats:
-        """Return the forces besides the command on so many masses, in the kernel's form.
+        """Return the forces besides the command on `dof` masses, in the kernel's form.
 
         force: in place of the recording's own `force`; recorded forces act in addition. Returns
         (ticks, dof), or (ticks, dof + 1) if the base moves, and (0, dof) for no force.
@@ -235,7 +234,7 @@ class Experiment:
         return wide if self.base is None else np.column_stack([wide, self.base])
 
     def unmoved(self) -> "Experiment":
-        """Return it without the recorded forces besides its command."""
+        """Return the recording without forces besides its command."""
         return replace(self, force=None, base=None, pushes=None)
 
     def part(self, start: int, stop: int) -> "Experiment":
@@ -252,7 +251,7 @@ class Experiment:
         )
 
     def joined(self) -> "Experiment":
-        """Return it joined with the part before it: the inverse of `split`."""
+        """Return the recording joined with the part before it: the inverse of `split`."""
         first = self.before
         if first is None:
             return self
@@ -278,15 +277,15 @@ class Experiment:
         )
 
     def _sampled(self) -> dict[str, Any]:
-        """Its values at every sample, (ticks, ...), by the names of its fields."""
+        """The fields with values at every sample, (ticks, ...), by name."""
         every = {name: getattr(self, name) for name in SAMPLED}
         return {name: values for name, values in every.items() if values is not None}
 
     def pauses(self) -> NDArray[np.bool_]:
-        """Return which samples (ticks,) are of a pause: no command and no motion.
+        """Return which samples (ticks,) belong to a pause: no command and no motion.
 
-        Both stand still, relative to the whole recording, for a tenth of it. A device that sticks
-        under a changing command is no pause, and says much.
+        Both are still, relative to the whole recording, for at least a tenth of it. A device that
+        sticks under a changing command is not a pause, and is informative.
         """
         found = np.zeros(self.ticks, dtype=np.bool_)
         ends = np.linspace(0, self.ticks, BLOCKS + 1).round().astype(np.int64)
@@ -304,11 +303,7 @@ class Experiment:
         return found
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
-        """Return the first share of the motion, for the fit, and the rest, which judges it.
-
-        Pauses do not count, since a recording that ends in one would otherwise be judged by
-        nothing.
-        """
+        """Return the first share of the motion, without pauses, for the fit, and the rest."""
         happens = np.cumsum(~self.pauses())
         cut = int(np.searchsorted(happens, round(share * int(happens[-1])))) + 1
         first = self.part(0, cut)
@@ -316,10 +311,10 @@ class Experiment:
 
 
 def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment]:
-    """Return the first samples of recordings, equally many of each, `ticks` in total at most.
+    """Return the first samples of recordings, equally many of each, at most `ticks` in total.
 
-    Of one that stands still at first, those from a quarter of them before it moves: what sticks is
-    predicted by any friction, without an error to compare.
+    If a recording stands still at first, they start a quarter of their number before it moves,
+    since any friction predicts rest without an error.
     """
     share = max(1, ticks // len(experiments))
     return [_first_motion(e, min(share, e.ticks)) for e in experiments]
@@ -335,14 +330,13 @@ def _first_motion(e: Experiment, ticks: int) -> Experiment:
 
 
 def experiment(trace: Trace, device: Device, name: str = "recording") -> Experiment:
-    """Take command and measured motions from a trace.
+    """Return the recording of a trace.
 
-    Without a command, or under a constant one, the device was let go and moves by itself: a free
-    decay, which a note says. Raises ExperimentError where there is no position or velocity of a
-    mass of the device, too little of it, a motion that is constant, or a channel that is not
-    finite; periods that differ by more than one percent, and motions along a line of a device that
-    turns or the other way round, are refused with what to change. DeviceError where what the
-    recording says of its device cannot be so.
+    Without a command, or with a constant one, the motion is a free decay, which a note states.
+    Raises ExperimentError, with advice, if there is no position or velocity of a mass of the
+    device, too few samples, a constant or non-finite channel, a period that differs by more than
+    one percent, or the unit of a linear motion for a rotary device or vice versa; DeviceError if
+    the recording states impossible changes of the device.
     """
     period, masses = device.interface.period, device.chain.masses.size
     trace = _as_read(trace)
@@ -372,9 +366,10 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
             )
     if len(trace) < SHORTEST:
         raise ExperimentError(
-            f"the recording has {len(trace)} samples; at least {SHORTEST} are needed, 10 s are good"
+            f"the recording has {len(trace)} samples; at least {SHORTEST} are needed, and 10 s is"
+            " plenty"
         )
-    own = examine(trace.t).period  # as what is said of the clock has it
+    own = examine(trace.t).period  # as in the checks of the clock
     if not math.isclose(own, period, rel_tol=0.01):
         raise ExperimentError(
             f"the recording's period is {own:g} s, the device's {period:g} s; set period_s in the"
@@ -387,7 +382,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         command = changes.command_gain * command
     swing = float(np.std(measured[:, 0]))
     notes = free
-    if trace.origin == "simulated":  # without any noise, the kernel's own steps are all there is
+    if trace.origin == "simulated":  # else only the kernel's substeps would be noise
         random = np.random.default_rng(0)
         measured = measured + SIMULATED * swing * random.standard_normal(measured.shape)
         notes += (
@@ -410,7 +405,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
 
 
 def _as_read(trace: Trace) -> Trace:
-    """Return a log of a simulation whose readings were filtered, with the reading of m1."""
+    """Return the trace; in a log of a simulation with filtered readings, m1 is as read."""
     read = "position_filtered_m1"
     if trace.origin != "simulated" or read not in trace.channels:
         return trace
@@ -420,7 +415,7 @@ def _as_read(trace: Trace) -> Trace:
 
 
 def _covariates(trace: Trace) -> tuple[Covariate, ...]:
-    """The quantities that parameters may follow; missing samples are interpolated linearly."""
+    """The quantities on which parameters may depend; missing samples are interpolated linearly."""
     found: list[Covariate] = []
     for channel in (c for c in trace.channels if c.startswith(f"{COVARIATE}_")):
         values = trace[channel]
@@ -439,7 +434,7 @@ def _covariates(trace: Trace) -> tuple[Covariate, ...]:
 def _told_by_force(
     trace: Trace, device: Device, changes: Changes | None
 ) -> tuple[Trace, Pushed | None]:
-    """Return a trace with the position from a recorded drive force first."""
+    """Return a trace with the position from a recorded drive force first, and the drive."""
     if FORCE not in trace.channels or "command" not in trace.channels:
         return trace, None
     if "position_m1" in trace.channels:
@@ -448,7 +443,7 @@ def _told_by_force(
     if stiffness == 0.0:
         raise ExperimentError(
             f"the recording has the force of the drive, {FORCE}, but the device has no drive whose"
-            " position follows from it; describe it in the device file as [drive] kind ="
+            " position can be computed from it; describe it in the device file as [drive] kind ="
             ' "position" with its stiffness and without damping, or name another output'
         )
     counts = 1.0 if changes is None else changes.command_gain
@@ -466,7 +461,7 @@ def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
         free = not any(c in trace.channels for c in OUTSIDE)
         drives = "nothing drives" if free else "no command drives"
         said = f"{name} has no command: it is taken as a motion that {drives}"
-        return np.zeros(len(trace)), (f"{said}; name the input in its TOML if something did",)
+        return np.zeros(len(trace)), (f"{said}; give the input in its TOML if something did",)
     _refuse_unknown("command", trace["command"])
     command = np.ascontiguousarray(trace["command"])
     if np.ptp(command) > 0.0:
@@ -489,8 +484,8 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
             beyond.append(channel)
         else:
             found.append(Output(match[1], ends[0] - 1, ends[1] - 1 if ends[1:] else None))
-    found.sort(key=lambda o: o.less is not None)  # first what says how the device itself moves
-    if trace.origin == "simulated":  # a log holds every state; a device is seen at its encoder
+    found.sort(key=lambda o: o.less is not None)  # motions of masses before deflections
+    if trace.origin == "simulated":  # a log has every state; only the encoder counts
         found = [o for o in found if o.name == "position_m1"]
     return found, beyond
 
@@ -498,10 +493,9 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
 def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Experiment]:
     """Return a recording as the stretches between its gaps, usually one.
 
-    Short gaps are bridged (`Experiment.bridged`). At longer gaps and jumps of the clock, samples
-    are lost, repeated or of another time; read as one recording, they would look like physics. A
-    sample at which the command or an output is not finite is lost, too. Raises ExperimentError like
-    `experiment`, and if no stretch is long enough.
+    Short gaps are bridged (`Experiment.bridged`). Longer gaps and jumps of the clock would look
+    like physics in one recording. A sample at which the command or an output is not finite counts
+    as lost. Raises ExperimentError like `experiment`, and if no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
@@ -532,7 +526,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     over = ", also over samples that lack," if lacking else ""
     after = f"first by {far:.4g} s after {kept.t[first - 1]:g} s"
     parts = [replace(whole.part(a, b), begins=float(kept.t[a] - trace.t[0])) for a, b in pairs]
-    still = np.ptp(whole.command) == 0.0  # then no part need be driven
+    still = np.ptp(whole.command) == 0.0  # then parts need no command
     parts = [p for p in parts if np.all(np.ptp(p.measured, axis=0))]
     parts = [p for p in parts if still or np.ptp(p.command)]
     if not parts:
@@ -554,15 +548,15 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
 
 
 def uncounted(bridged: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which samples (ticks,) do not count: gaps, and `RETURNS` as many after each.
+    """Return which samples (ticks,) do not count: gaps, and `RETURNS` times as many after each.
 
     An observer predicts over a gap without correction, and its first errors after it are larger. On
     two masses with a mode of 34 Hz at 500 Hz, under an unknown force as large as the command, with
-    10 of every 60 samples lost, the samples that are counted have the same deviation as without
-    gaps, to 1.3 %, and all parameters are as close to the truth, relative to their errors. If as
-    many more samples were counted, the deviation would be 1.55 times that, and a mass wrong by 5 of
-    its errors. (`noise.gaps` gives the gains after a gap; with the steady gain a damper was wrong
-    by 5 whatever was left out.)
+    10 of every 60 samples lost, the counted samples have the same deviation as without gaps, to 1.3
+    %, and all parameters are as close to the truth, relative to their errors. If the samples after
+    gaps counted too, the deviation would be 1.55 times as large, and a mass wrong by 5 of its
+    errors. (`noise.gaps` gives the gains after a gap; with the steady gain a damper was wrong by 5
+    in any case.)
     """
     found = bridged.copy()
     edges = np.flatnonzero(np.diff(bridged.astype(np.int8), prepend=0, append=0))
@@ -574,7 +568,7 @@ def uncounted(bridged: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _as_it_moved(
     trace: Trace, period: float, used: Sequence[str], name: str
 ) -> tuple[Trace, list[str]]:
-    """A recording with faults of its sensors and its clock corrected, and notes of them.
+    """A trace with faults of its sensors and its clock corrected, and notes on them.
 
     Raises ExperimentError if a sensor is read more slowly than the log is written.
     """
@@ -619,7 +613,7 @@ def _refuse_forces(trace: Trace, device: Device, name: str) -> None:
         if place >= masses:
             raise ExperimentError(
                 f"{name} has {channel}, but the device has {masses}"
-                f" mass{'' if masses == 1 else 'es'}; name one of these"
+                f" mass{'' if masses == 1 else 'es'}; give one of these"
             )
         if trace.units[channel] not in (unit, ""):
             raise ExperimentError(

@@ -1,16 +1,16 @@
 """Recorded inputs other than the command: motion of the base, and measured forces.
 
-Positions are counted from the base, as the encoders of a device on it count them. In these
-coordinates every mass feels exactly - m a besides all other forces, where a is the acceleration of
-the base. The kernel holds a over a tick, at its mean there,
+Positions are relative to the base, as encoders of a device on it measure them. In these coordinates
+exactly - m a acts on every mass besides all other forces, where a is the acceleration of the base.
+The kernel holds a over a tick, at its mean,
 
     acceleration    (a_k + a_(k+1)) / 2, to second order in the tick
     velocity        (v_(k+1) - v_k) / T, exactly
-    position        the same of the slopes of the cubic spline through it: what noise it has
-                    comes out 1 / T^2 as large, and is smoothed by the device's own inertia alone
+    position        the same for the slopes of the cubic spline through it: its noise
+                    grows by 1 / T^2, and only the device's own inertia smooths it
 
-and likewise a force that was measured where it acts, such as a hand's on its handle. Such a force
-is not predicted; the error of its sensor is a disturbance.
+and likewise a force that was measured where it acts, such as that of a hand on a handle. Such a
+force is not predicted; the error of its sensor is a disturbance.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ OUTSIDE = (*BASE, *KNOWN_FORCES)
 
 
 def base_of(trace: Trace, period: float, name: str) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return the acceleration (ticks,) of the base, None where none was recorded, and a note."""
+    """Return the acceleration (ticks,) of the base, None if not recorded, and a note."""
     channel = next((c for c in BASE if c in trace.channels), None)
     if channel is None:
         return None, ()
@@ -43,7 +43,7 @@ def base_of(trace: Trace, period: float, name: str) -> tuple[Floats | None, tupl
 
 
 def pushes_of(trace: Trace, masses: int, name: str) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return known forces (ticks, masses), None where there is none, and a note.
+    """Return known forces (ticks, masses), None if there are none, and a note.
 
     They act on the masses beside the command, without its gain, limit and delay.
     """
@@ -57,12 +57,12 @@ def pushes_of(trace: Trace, masses: int, name: str) -> tuple[Floats | None, tupl
         f"{float(np.std(trace[c])):.3g} {trace.units[c]} at {c.removeprefix(KNOWN_FORCE)}"
         for c in there
     ]
-    said = f"{name} knows a force besides its command, which acts in all runs"
+    said = f"{name} has a force besides its command, which acts in all runs"
     return found, (f"{said} (rms about its mean: {', '.join(sizes)})",)
 
 
 def held(values: Floats, quantity: str, period: float) -> Floats:
-    """Return the mean acceleration, or force, over each tick (ticks,), the last as before it."""
+    """Return the mean acceleration, or force, over each tick (ticks,), the last one repeated."""
     if quantity in ("acceleration", "force"):
         means = 0.5 * (values[1:] + values[:-1])
     else:

@@ -1,13 +1,13 @@
-"""The force in a link, measured by a load cell, expressed as the link's deflection.
+"""Converts the force in a link, measured by a load cell, into the link's deflection.
 
 A load cell between two masses is a spring of known stiffness K, so its reading
 
     F = K (q_i - q_j)    gives    q_i - q_j = F / K,
 
-gives the deflection of the link: a measurement that says nothing about the position of the device,
-and much about the parts on either side of the cell. K is that of the link in the device file. A
-cell is calibrated, so K is assumed to be known well. A link whose stiffness is a guess cannot serve
-as a load cell; a wrong K shows as a deflection with a wrong scale.
+gives the deflection of the link, which contains nothing about the position of the device, and much
+about the parts on either side of the cell. K is the stiffness of the link in the device file. A
+cell is calibrated, so K is assumed to be known well; a wrong K gives a deflection with a wrong
+scale.
 
 Limits: a cell without a damper, whose force is only that of its spring.
 """
@@ -21,10 +21,9 @@ LINK_FORCE = re.compile(r"force_(link([1-4])([2-5]))$")
 
 
 def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple[str, ...]]:
-    """Return a trace with the deflections from forces of links, and notes of them.
+    """Return a trace with the deflections from forces in links, and notes on them.
 
-    A force of a link that the device does not have is left as it is, and so is one beside a
-    measured deflection.
+    A force is not converted if the device lacks the link, or beside a measured deflection.
     """
     channels, units = dict(trace.channels), dict(trace.units)
     said: list[str] = []

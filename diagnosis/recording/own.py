@@ -1,13 +1,13 @@
-"""Parameters that a recording declares its own (`[free]`), as the names used in a fit.
+"""Names, in a fit, of parameters that a recording declares as its own (`[free]`).
 
     [free]
-    ground_spring = "stiff"               # masses, ground_dampers ...: all of the chain's
-    position = "stiff"                    # where positions are counted from
-    "coulomb_friction@m1.level" = "dry"   # a number of an effect, in the device file or found
+    ground_spring = "stiff"               # or masses, ground_dampers ...: all in the chain
+    position = "stiff"                    # the origin of positions
+    "coulomb_friction@m1.level" = "dry"   # a parameter of an effect, in the file or found
 
 An encoder counts from where it was switched on, and a carriage that was taken off its pinion and
-put back stands elsewhere on it. `position` frees the numbers of effects that depend on the origin
-of positions (the phase of a ripple, the angle of a pendulum).
+put back is elsewhere on it. `position` frees the parameters of effects that depend on the origin of
+positions (the phase of a ripple, the angle of a pendulum).
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ CHAIN = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_damp
 
 
 def own_of(table: Mapping[str, str], device: Device) -> tuple[tuple[str, str], ...]:
-    """Return (parameter, word) of each; raises DeviceError for one that no fit has."""
+    """Return (parameter, word) of each entry; raises DeviceError for an unknown parameter."""
     found: list[tuple[str, str]] = []
     for key, word in table.items():
         if not word.strip():
@@ -52,7 +52,7 @@ def _names(key: str, device: Device) -> list[str]:
 
 
 def _anchored(masses: int) -> list[str]:
-    """The angle of an effect that depends on the origin of positions."""
+    """The angles of effects that depend on the origin of positions."""
     return [
         f"{label_of(name, place)}.{p.name}"
         for name, effect in LIBRARY.items()

@@ -14,9 +14,8 @@ ON = 0.5
 def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
     """Return the strength (ticks,) of the drive, None if it is not recorded, and a note.
 
-    The supply over its nominal voltage, and zero while the drive was off. Raises ValueError if it
-    was never on, if a supply is not positive, or if a loop on the position has no limit through
-    which it could be scaled.
+    It is the supply over its nominal voltage, and zero while the drive was off. Raises ValueError
+    if the drive was never on, a supply is not positive, or a position servo has no limit to scale.
     """
     known = [c for c in (ENABLE, SUPPLY) if c in trace.channels]
     if not known:
@@ -31,7 +30,7 @@ def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None
     if not np.all(supply[on] > 0.0):
         raise ValueError(
             f"[supply] of {name} is {supply[on].min():g} of its nominal voltage at least once while"
-            " the drive is on; allowed is a voltage above 0"
+            " the drive is on; it must be above 0 there"
         )
     strengths = np.where(on, supply, 0.0)
     if np.all(strengths == 1.0):

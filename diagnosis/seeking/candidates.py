@@ -1,4 +1,4 @@
-"""Every effect at every place it may enter, with starts over the magnitudes the data could show."""
+"""Every effect at every place, with starts over the magnitudes that the data could show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,9 +17,8 @@ from zwidth.sim.place import Place, place_at
 class Start:
     """One effect at one place with start values, and the scales of its free parameters.
 
-    bounds: the physical ones for this recording; for numbers not named, those of the effect. own:
-    numbers of it that recordings have of their own (`model.own_values`), by their name: which
-    number, and how much more of it.
+    bounds: physical ones for this recording; by default those of the effect. own: values that
+    differ between recordings (`model.own_values`), by their name: which parameter, and by how much.
     """
 
     physics: Physics
@@ -28,7 +27,7 @@ class Start:
     own: Mapping[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
 
     def beyond(self, names: Sequence[str], scales: Mapping[str, float]) -> list[float]:
-        """Return x of the recordings' own values of it, in order of names; scales: its numbers'."""
+        """Return x of the recordings' own values, in order of names; scales: of the parameters."""
         more = (self.own.get(name) for name in names)
         return [0.0 if own is None else own[1] / scales[own[0]] for own in more]
 
@@ -38,7 +37,7 @@ class Start:
         return place_label(self.physics)
 
     def scaled(self, factor: float) -> "Start | None":
-        """Return the start with a multiple of its strength, None if that has no meaning."""
+        """Return the start with a multiple of its strength; None without one or beyond bounds."""
         effect = self.physics.effect
         names = effect.magnitudes
         if not names:
@@ -56,7 +55,7 @@ class Start:
         """Return the start with the strength of another effect; None if they do not compare.
 
         The fit of a law that contains another, or is contained in it, starts best where the other
-        ended. Of one with several strengths (friction that differs by direction) the largest
+        ended. If `other` has several strengths (friction that differs by direction), the largest
         counts.
         """
         own, its = self.physics.effect, other.effect

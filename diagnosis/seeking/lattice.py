@@ -1,23 +1,23 @@
-"""Quantisation steps and lost commands: no gradient leads to them; found by their period.
+"""Quantisation steps and lost commands, sought without gradients: no gradient leads to them.
 
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
 the periods of the missing force over u (`diagnosis.forces.spatial`) show which steps to try. The
-best of N steps explains 2 ln N by chance, so N counts as that many independent numbers. If the
-command has fewer levels than that, some step explains anything.
+best of N steps explains 2 ln N by chance, which is its penalty. If the command has fewer levels
+than 2 ln N, some step explains anything.
 
 encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
 within some spread, so the mean of s over that spread is subtracted,
 
     sum (-1)^n step / (pi n) exp(-2 (pi n spread / step)^2) sin(2 pi n x / step),
 
-with the spread of least chi-square. It is fixed inside a fit.
+with the spread of least chi-square, which is fixed inside a fit.
 
 dropped_samples: a command lost at tick k changes the force by d = u_(k-1) - u_k for one tick. Its
 log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
-tick), and it counts as lost if L_k exceeds the odds against; the likeliest first, after which its
-effect is subtracted from g. For a lost command L_k is normal, with mean and half its variance d_k^2
-n / 2. Where the command hardly changes no loss shows, so the rate is the number of losses seen over
-the sum of the probabilities to see one.
+tick), and it counts as lost if L_k exceeds the odds against; the most likely comes first, and its
+effect is then subtracted from g. For a lost command L_k is normal, with mean and half its variance
+d_k^2 n / 2. A loss does not show if the command hardly changes, so the rate is the number of
+detected losses over the sum of the probabilities to detect one.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,22 +39,22 @@ from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
-PROMISING = 4.0  # chi-square by which a wave must stand above the highest of noise
+PROMISING = 4.0  # chi-square by which a wave must exceed the highest of noise
 AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
-FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
+FINEST_SHARE = 1e-6  # of the span: the finest step that is sought
 ROUNDS = 3
-SPREAD = 0.15  # of a step, by which positions are known at first
-FIRST_RATE = 1e-3  # of lost commands, before any is seen
+SPREAD = 0.15  # of a step: initial uncertainty of positions
+FIRST_RATE = 1e-3  # initial rate of lost commands
 MEMORY = 400  # ticks that a lost command is remembered
-MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
-MOST_SEEN = 0.5  # the same of those whose loss can be seen
+MOST_LOST = 0.1  # of the commands: more lost ones are a delay and no accident
+MOST_SEEN = 0.5  # the same, of the commands whose loss can be detected
 SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 
 @dataclass(frozen=True)
 class Stepped:
-    """A trial of one of these effects. gained: chi-square; price: penalty for its search."""
+    """A trial of a step or of lost commands. gained: chi-square; price: penalty for its search."""
 
     label: str
     problem: Problem
@@ -75,7 +75,7 @@ def stepped_trials(
     if fitted.model.nominal.interface.command_hold == "smooth":
         del tries[
             "dropped_samples@clock"
-        ]  # what was measured has acted: it was not sent to anything
+        ]  # a smooth command was measured as it acted, so none was lost
     tried = [attempt("candidates", label, one) for label, one in tries.items()]
     return [t for t in tried if t is not None]
 
@@ -119,7 +119,7 @@ def encoder_step(
     span = max(float(np.ptp(q)) for q in positions)
     finest = max(float(problem.observer.deviation[0]), FINEST_SHARE * span)
     pull = pulls(problem, fitted, "sensor")
-    # A slow observer follows the steps in part, so their size in the residual is not known.
+    # A slow observer tracks part of the steps, so their size in the residual is unknown.
     found, lines = peaks(pull, positions, finest)
     found += step_peaks(pull, positions, finest, 1.0, SPREAD)[0]
     physics = make_physics("encoder_step", "sensor", step=1.0)
@@ -144,13 +144,13 @@ class _Moved:
         self.prior = np.zeros(fitted.residual.size - fitted.samples)
 
     def chi2(self, white: Floats) -> float:
-        """Return it for weighted innovations (samples,)."""
+        """Return chi-square for weighted innovations (samples,)."""
         moved = np.concatenate([white - self.fitted.white, self.prior])
         return float(np.sum((self.base + self.off(moved)) ** 2))
 
 
 def with_step(model: Model, name: str, step: float) -> Model:
-    """Return the model with another value of the step of an effect."""
+    """Return the model with another step of an effect."""
     effects = tuple(
         replace(p, values={"step": step}) if p.effect.name == name else p for p in model.effects
     )
@@ -158,7 +158,7 @@ def with_step(model: Model, name: str, step: float) -> Model:
 
 
 class _StepLoss:
-    """Chi-square of an encoder's step at positions as an observer predicts them."""
+    """Chi-square of an encoder's step at positions that an observer predicts."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class _StepLoss:
         return self.moved.chi2(there.weighted(self.model, self.x))
 
     def spread(self, step: float) -> float:
-        """Return the share of least chi-square."""
+        """Return the spread over the step with the least chi-square."""
         return min(SPREADS, key=lambda share: self.chi2(step, share))
 
 
@@ -202,7 +202,7 @@ def mean_error(position: Floats, step: float, share: float) -> Floats:
 
 
 def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> float:
-    """Return half the 95 % interval of a step: where chi-square rises by 3.84 on either side."""
+    """Return half the 95 % interval of a step, within which chi-square rises by at most 3.84."""
     step = next(p.values["step"] for p in fitted.model.effects if p.effect.name == name)
     moved = _Moved(fitted)
     positions = predicted(problem, fitted) if name == "encoder_step" else []
@@ -222,7 +222,7 @@ def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> f
 
 
 def predicted(problem: Problem, fitted: Fitted) -> list[Floats]:
-    """Return the first output (ticks,) as the observer predicts it, of every recording."""
+    """Return the first output (ticks,) that the observer predicts in every recording."""
     device = fitted.model.acting(fitted.x)
     found: list[Floats] = []
     for e in problem.experiments:
@@ -233,7 +233,7 @@ def predicted(problem: Problem, fitted: Fitted) -> list[Floats]:
 
 
 def _best(periods: list[float], span: float, chi2: Callable[[float], float]) -> float | None:
-    """Return the step of least chi-square near periods, each tried over the width of its line."""
+    """The step of least chi-square near periods, each tried over the width of its line, or None."""
     best: tuple[float, float] | None = None
     for period in periods:
         lines = 1.0 / period + np.linspace(-1.0, 1.0, AROUND) / span
@@ -273,16 +273,13 @@ def dropped_samples(
         current = fit(there, model.with_effect(physics, {}), fitted.x)
     if lost == 0 or lost > MOST_LOST * ticks or rate >= MOST_SEEN:
         return None
-    # Which ones are lost was chosen among all: each costs its odds.
+    # The lost ones were chosen among all commands: each costs its odds.
     price = 2.0 * lost * float(np.log((1.0 - rate) / rate))
     return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
 
 
 def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
-    """Return a fit whose lost commands have the rate for its own noise.
-
-    Losses found earlier were seen with the noise of a model that lacked more.
-    """
+    """Return a fit with the rate of lost commands for its own noise, not that of a poorer model."""
     names = [p.effect.name for p in fitted.model.effects]
     lost = sum(int(e.dropped.sum()) for e in problem.experiments if e.dropped is not None)
     if lost == 0 or "dropped_samples" not in names:
@@ -297,10 +294,7 @@ def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
-    """Return which commands (ticks,) of each recording were lost, at the rate of a model.
-
-    A fit of one recording says nothing about another: which commands were lost is a fact of each.
-    """
+    """Return which commands (ticks,) of each recording were lost, at the rate of a model."""
     echo = _echo(problem, fitted)
     lost = [np.zeros(e.ticks, dtype=np.bool_) for e in problem.experiments]
     rates = [p.values["rate"] for p in fitted.model.effects if p.effect.name == "dropped_samples"]
@@ -313,7 +307,7 @@ def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
 
 
 def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
-    """Return how many lost commands would show in the recordings: a sum of probabilities."""
+    """Return the sum of the probabilities that the loss of each command would show."""
     return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)
 
 
@@ -336,9 +330,9 @@ def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> f
 
 
 def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:
-    """Mark lost commands in `lost`, the likeliest first; the effect of each is subtracted from g.
+    """Mark lost commands in `lost`, the most likely first, and subtract their effects from g.
 
-    Neighbours of a lost command look lost as well, until its effect is subtracted.
+    Neighbours of a lost command look lost too, until its effect is subtracted.
     """
     g = g.copy()
     while int(lost.sum()) <= MOST_LOST * command.size:

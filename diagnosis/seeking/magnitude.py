@@ -8,11 +8,11 @@ from zwidth.sim.physics.effect import Effect, Physics
 
 
 def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
-    """Return how strong an effect is, zero for none; None if there is no such number.
+    """Return the strength of an effect, zero for no effect; None if it has no such number.
 
-    Of friction the level, of a cubic spring the absolute coefficient, of a gain asymmetry
-    |ratio - 1|, of a saturation how far its limit lies below the largest command, `peak`, of a
-    limit of a rate or over speed its reciprocal (`Parameter.inverse`).
+    For example, the level of a friction, the absolute coefficient of a cubic spring, |ratio - 1| of
+    a gain asymmetry, how far the limit of a saturation is below the largest command `peak`, and the
+    reciprocal of a limit of a rate or over speed (`Parameter.inverse`).
     """
     name = physics.effect.strength
     if name is None:
@@ -28,7 +28,7 @@ def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
 def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Physics | None:
     """Return the effect with a multiple of its strength; None if its bounds do not allow it.
 
-    Parameters of shape and not of strength (a ripple's period, a Stribeck velocity) stay.
+    Parameters of shape (a ripple's period, a Stribeck velocity) stay.
     """
     effect, values = physics.effect, dict(physics.values)
     if effect.strength is None:

@@ -7,7 +7,7 @@ acceleration and
 
 which is linear in m for given w and z. So one convolution for each w and z gives the chi-square
 that the best m > 0 gains; a fit from the wrong w finds nothing, since a resonance is narrow.
-Limits: a is the acceleration of the device without the mass, so starts are good while m is small
+Limits: a is the acceleration of the device without the mass, so starts are only good if m is small
 against the host.
 """
 
@@ -36,13 +36,13 @@ LOWEST_HZ = 3.0
 HIGHEST = 0.4  # of the sampling rate
 FREQUENCIES = 32
 DAMPINGS = (0.03, 0.12, 0.5)  # of the critical one
-COUNT = 3  # starts a host
+COUNT = 3  # starts for each host
 HEAVIEST = 0.5  # of the host
 
 
 @dataclass(frozen=True)
 class Resonance:
-    """A mass of a frequency [rad/s] and damping ratio, and the chi-square it would gain."""
+    """A mass with its frequency [rad/s] and damping ratio, and the chi-square it would gain."""
 
     gained: float
     mass: float
@@ -87,7 +87,7 @@ def _resonances(
     pulls = [-np.gradient(v) / period for v in speeds]
     for pull in pulls:
         pull[: SETTLING + 5] = 0.0
-    # Both are causal filters: their order is free, and the answer is the same for all.
+    # Both are causal filters, so their order is free, and this part is the same for all.
     seen = [fftconvolve(pull[:, None], answer, axes=0)[: pull.size] for pull in pulls]
     for hertz in np.geomspace(LOWEST_HZ, HIGHEST / period, FREQUENCIES):
         for ratio in DAMPINGS:

@@ -10,14 +10,13 @@ from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place, place_at
 
-ELSEWHERE = ("lattice", "folding")  # ways of seeking that no prediction of a start shows
+ELSEWHERE = ("lattice", "folding")  # effects that are sought otherwise than by starts
 
 
 def open_places(device: Device) -> list[tuple[Effect, Place]]:
     """Return effects and places that a device does not have yet.
 
-    A place has at most one of a family (laws of the same thing). Effects in the device file are not
-    sought.
+    A place has at most one effect of a family. Effects in the device file are not sought.
     """
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}
     families = {(p.effect.family, p.place.acts_on) for p in device.physics if p.effect.family}

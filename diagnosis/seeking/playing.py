@@ -1,23 +1,22 @@
-"""Whether there is play, by a scan of its width: no fit, a fraction of a second per link.
+"""Finds play by a scan of its width: no fit, a fraction of a second per link.
 
 An effect whose fit ends in the valley where it begins (`Parameter.valleys`: play) has no useful
-slope: a gap that is a tenth too wide is closed at other times. So a hypothesis is compared with
-itself with gaps of many widths, spaced closer than the valley is wide, as lanes of one call. This
-is done under observers that trust the model more and more, and at two points x: its own, to which a
-fit without play has adapted (a softer link), and that of the device file.
+slope: a gap that is a tenth too wide closes at other times. So a hypothesis is compared with itself
+plus gaps of many widths, spaced closer than the valley is wide, as lanes of one call. This is done
+under observers that trust the model more and more, and at two points x: the hypothesis's own, to
+which a fit without play has adapted (a softer link), and that of the device file.
 
-One observer's result is no answer yet. On two masses of a CSV alone (1 kHz, 8 s, 20 mrad) the best
+One observer's result is not sufficient. On two masses of a CSV alone (1 kHz, 8 s, 20 mrad) the best
 gaps were 2 to 4 mrad, with a k of 14 instead of 60 N m/rad, and gained 125 to 309 in -2 ln; on
-others they were within 30 % of the truth and gained up to 7800. No fit can start there, since
-play's valley is as narrow as its gap is well known: fits from such gaps had ended at costs of -131
+others they were within 30 % of the truth and gained up to 7800. No fit can start there, since the
+valley of play is as narrow as the gap is well known: fits from such gaps ended at costs of -131
 100, and a cubic spring at -132 500. A population reached -135 100 in a second, and the fit after it
--138 100, which is the truth. The observer that succeeds differs (1e-4 there, 1e-2 or 1e-5 on
-others), and gains under different observers cannot be compared. So each observer that shows play
-has a population of its own, starting at its gap, and each result is compared with the rest under
-its own noise.
+-138 100, the truth. The observer that succeeds differs (1e-4 there, 1e-2 or 1e-5 on others), and
+gains under different observers cannot be compared. So each observer that shows play has its own
+population, starting at its gap, and the results are compared with their own noise.
 
-Limits: the residual is not whitened, so a gain counts dependent errors as independent. It only
-starts populations and decides nothing.
+Limits: the residual is not whitened, so a gain counts dependent errors as independent. The gain
+only starts populations and decides nothing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,8 +44,8 @@ from zwidth.jobs.parallel import in_parallel, threads
 Floats = NDArray[np.float64]
 RATIOS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # of observers
 SPREAD = 0.5  # of a population's first generation, in x
-APART = 1.2  # times as wide is the next gap
-BEYOND = 2.0  # times, that gaps go beyond the starts at both ends
+APART = 1.2  # ratio of successive gaps
+BEYOND = 2.0  # factor by which gaps go beyond the starts at both ends
 
 
 class Played(NamedTuple):
@@ -61,12 +60,12 @@ class Played(NamedTuple):
 def scanned(
     experiments: Sequence[Experiment], model: Model, x: Floats, starts: Sequence[Start]
 ) -> list[Played]:
-    """Return the likeliest gap for each observer that shows one, the largest gain first.
+    """Return the most likely gap for each observer that shows one, the largest gain first.
 
-    experiments: as far as is looked at; starts: of one effect with one number, at one place. The
-    gain of a gap is its cost below that without play at the better point x, and at least
-    `PURSUIT.clear_sign`. At a wrong place a gap softens the link, and gains 2000 to 3600 where
-    there is none; compared with the better point it gains nothing.
+    experiments: the part to scan; starts: of one effect with one parameter, at one place. The gain
+    is relative to the cost without play at the better of two points x, and more than
+    `PURSUIT.clear_sign`. Relative to the same point, a gap in the wrong place softens the link and
+    gains 2000 to 3600; relative to the better point it gains nothing.
     """
     if not starts:
         return []
@@ -96,9 +95,9 @@ def arrivals(
     """Yield the results of populations that start from a scan, each with its observer.
 
     experiments: the part used for populations; members, generations: of a population that starts
-    near. From farther away it has twice as many members for half as many generations: 16 members
-    did not arrive on the two masses above; 40 generations come as near as 80, which is enough for a
-    fit to finish.
+    near. These start farther away, with twice as many members and half as many generations: 16
+    members did not reach the truth on the two masses above, and 40 generations come as near as 80,
+    near enough for a fit.
     """
     plan = Generations(2 * members, max(generations // 2, 1), SPREAD)
     asked = [partial(evolve, experiments, s.model, [s.x], s.ratio, plan) for s in shown]
@@ -110,7 +109,7 @@ def arrivals(
 
 
 def _places(model: Model, x: Floats) -> Iterator[Floats]:
-    """X as it is, and as it is in the device file."""
+    """Yield x as it is, and as in the device file."""
     yield x
     prior = np.array([p.prior for p in model.parameters])
     if np.any(x[prior] != 0.0):
@@ -118,7 +117,7 @@ def _places(model: Model, x: Floats) -> Iterator[Floats]:
 
 
 class _Tried(NamedTuple):
-    """The likeliest gap at one point x, its cost, and the cost without play there."""
+    """The most likely gap at one point x, its cost, and the cost without play there."""
 
     model: Model
     x: Floats
@@ -151,7 +150,7 @@ def _tried(
     costs = np.nan_to_num(np.array(found), nan=np.inf)
     best = int(np.argmin(costs))
     gap = float(gaps[best])
-    # A fit moves by its scale: by that of the least gap it would not move at all.
+    # A fit moves in steps of the scale: with that of the least gap it would not move at all.
     physics = replace(first.physics, values={key: gap})
     played = model.with_effect(physics, {key: gap}, first.bounds)
     begin = played.within(model.beside(x, [0.0]))

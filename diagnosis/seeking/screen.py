@@ -1,10 +1,9 @@
-"""How much of the residual could each effect explain? One prediction per start, no fit.
+"""Scores how much of the residual each effect could explain, by one prediction per start.
 
 Let r be the weighted residual at the linear refit, J its Jacobian and s = r_c - r the signature of
 an effect switched on at a start. To first order, the best residual of effect and refit together at
 that magnitude is |(I - P)(r + s)|^2, where P is the projector on the span of J. The reduction from
-|(I - P) r|^2 is the start's score, a chi-square. So what a refit could absorb is removed before any
-effect is named.
+|(I - P) r|^2 is the start's score, a chi-square, which excludes what a refit could absorb.
 """
 
 import math
@@ -24,16 +23,13 @@ from zwidth.sim.physics.sizes import QUARTER
 
 Floats = NDArray[np.float64]
 COLUMNS_KEPT = 1e-10
-PROMISING = 5.0  # first-order chi-square that is worth a second look at another strength
+PROMISING = 5.0  # first-order chi-square that justifies trying another strength
 HOPEFUL = 0.02  # the same as a share of the best start's
 
 
 @dataclass(frozen=True)
 class Screened:
-    """A start with its score, its signature orthogonal to the refit, and the refit's share.
-
-    shift: of the refit's x, to first order.
-    """
+    """A start with its score, its signature orthogonal to the refit, and the refit's shift of x."""
 
     start: Start
     score: float
@@ -64,7 +60,7 @@ def screen(
 ) -> list[Screened]:
     """Return all starts with their scores, best first, at most one per effect and place.
 
-    stage: under which an error of a start is reported (`zwidth.diagnosis.mishaps`).
+    stage: where an error of a start is reported (`zwidth.diagnosis.mishaps`).
     """
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
@@ -99,10 +95,7 @@ def screen(
 
 
 def second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
-    """Return starts at the strength or phase of best fit, if signatures were linear in it.
-
-    least: chi-square that they must gain to first order.
-    """
+    """Return starts at the best strength or phase for linear signatures, if they gain `least`."""
     found = turned_starts(scored, base, least)
     for one in scored:
         size = float(one.signature @ one.signature)
@@ -153,7 +146,7 @@ def _between(first: Screened, second: Screened, base: Floats, least: float) -> S
     across = float(b) * second.start.physics.values[key]
     size = math.hypot(along, across)
     most = physics.effect.parameter(key).upper
-    if not 0.0 < size <= most:  # larger than the effect can be is another effect
+    if not 0.0 < size <= most:  # not a possible size of this effect
         return None
     values = {**physics.values, key: size, name: math.atan2(across, along)}
     scales = {**first.start.scales, key: size}

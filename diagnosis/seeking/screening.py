@@ -1,13 +1,8 @@
-"""Screens a model's candidates: view of its residual, and scores of all starts (`screen`).
+"""Screens the candidates of a model: views of its residual, and scores of all starts (`screen`).
 
-Let r be the weighted residual of a hypothesis, J its slopes and s = r_c - r the signature of an
-effect switched on at a start. To first order, the best residual of effect and parameters together
-at that magnitude is |(I - P)(r + s)|^2, where P is the projector on the span of J. The reduction
-from |(I - P) r|^2 is the start's score.
-
-The score depends on the horizon. One sample ahead, after whitening, an effect near the limit of
+Scores depend on the horizon. One sample ahead, after whitening, an effect near the limit of
 detection shows by its exact shape. A strong effect has distorted the parameters and the noise model
-and hides there; over a long horizon (an observer that trusts the model) it shows clearly. So a
+and does not show there, but it does over a long horizon (an observer that trusts the model). So a
 hypothesis has several views: with its own noise, and with slow observers at its own parameters and
 at those of the device file, in case the refit has gone astray.
 """
@@ -33,13 +28,13 @@ from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
-OVERFLOWED = 1e5  # weighed innovation of a start that runs away
-WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth a look
+OVERFLOWED = 1e5  # weighted innovation of a start that runs away
+WORTH_A_LOOK = 10.0  # first-order gain that justifies trying another strength or phase
 
 
 @dataclass(frozen=True)
 class View:
-    """A model at x with one observer, with residual and slopes. own: with its likeliest noise."""
+    """A model at x with one observer, residual and slopes. own: with noise near the model's own."""
 
     problem: Problem
     model: Model
@@ -55,7 +50,7 @@ class View:
 
     @property
     def fitted(self) -> Fitted:
-        """The same, in the form that functions of a residual take."""
+        """The view as a fit."""
         chi2 = float(self.residual @ self.residual)
         return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
 
@@ -82,7 +77,7 @@ def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened
     def best(label: str, group: Sequence[Start]) -> Screened | None:
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
-            # What is near the limit is far below the least start, and tells its strength by it.
+            # An effect near the limit is far below the least start, which shows its strength.
             more = second_looks(scored, base, WORTH_A_LOOK)
             scored += _scored(seen, off, base, more) if more else []
             return max(scored, key=lambda one: one.score, default=None)
@@ -95,7 +90,7 @@ def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened
 
 
 def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) -> list[Screened]:
-    """Signatures of starts of one effect at one place, all in one call."""
+    """Score starts of one effect at one place, all in one call."""
     first = starts[0].physics
     names = [p.name for p in first.effect.parameters]
     model = seen.model.with_effect(first, dict.fromkeys(names, 1.0))
@@ -124,7 +119,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
 
 
 def shown_starts(seen: View) -> list[Start]:
-    """Return starts that the residual shows: periods over position, resonances."""
+    """Return starts at periods over position and at resonances that the residual shows."""
     found: list[Start] = []
     with isolated("candidates", "what repeats over position"):
         found += wave_starts(seen.problem, seen.fitted)

@@ -12,18 +12,18 @@ from zwidth.sim.device import Device
 from zwidth.sim.physics.sizes import Sizes
 
 Floats = NDArray[np.float64]
-FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures are followed
+FOLLOWING = 1e-2  # ratio of the observer for the motion of masses that are not measured
 
 
 def sizes_of(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> Sizes:
-    """Return sizes over all recordings: of m1 as measured, of the rest as an observer follows.
+    """Return sizes over all recordings: of m1 as measured, of other masses by an observer.
 
     gain: factor of the command in a model, in addition to the device's. If the scale of a drive is
-    free, all forces are larger by it, and so are the bounds of forces that may hold a mass.
+    free, all forces scale with it, and so do the bounds of forces that may hold a mass.
 
-    If no observer follows, every mass is taken to move as m1 does, and a link to deflect as at
-    rest. In a free motion the reference force is that of the energy store: for a swing of any
-    frequency m v^2 / x, with the rms speed v and position x, since k x = m omega^2 x.
+    If no observer is possible, every mass is assumed to move as m1 does, and every link to deflect
+    statically. In a free motion the reference force is that of the spring or gravity, m v^2 / x
+    with the rms speed v and position x, since k x = m omega^2 x.
     """
     command = gain * np.concatenate([_force(device, e) for e in experiments])
     positions: list[Floats] = []
@@ -105,7 +105,7 @@ def _force(device: Device, experiment: Experiment) -> Floats:
 
 
 def _followed(device: Device, experiments: Sequence[Experiment]) -> Floats | None:
-    """Positions and velocities (ticks, 2n) of all masses; None if no observer follows."""
+    """Positions and velocities (ticks, 2n) of all masses; None if no observer is possible."""
     bare = device.bare()
     try:
         gain = observer_near(bare, experiments[0], FOLLOWING)

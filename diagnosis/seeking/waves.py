@@ -22,10 +22,7 @@ PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.seeking.scr
 
 
 def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
-    """Return starts at periods that gain more than their search costs, over all places.
-
-    A start has the effect's own strength, and one of two phases, a quarter turn apart.
-    """
+    """Return starts at two phases, for periods that gain more than their search costs."""
     if problem.experiments[0].outputs[0].quantity != "position":
         return []
     device = fitted.model.acting(fitted.x)
@@ -51,13 +48,13 @@ def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
             for peak in found:
                 if peak.gained >= price:
                     turned = dict(zip(own[place], peak.turned, strict=True))
-                    turned.pop("")  # where it is the effect's own
+                    turned.pop("")  # these have the effect's own phase
                     starts += _at_period(effect, place, sizes, peak.period, span, turned)
     return starts
 
 
 def _own(effect: Effect, place: Place, problem: Problem, fitted: Fitted) -> dict[str, list[int]]:
-    """Groups of recordings with a phase of their own, by its name; "" is first."""
+    """Indices of recordings by the name of their own phase; "" for none is first."""
     (turning,) = effect.turning
     target = f"{label_of(effect.name, place)}.{turning}"
     names = [v.name for v in fitted.model.varying if v.declared and v.of == target]
@@ -88,7 +85,7 @@ def _at_period(
 
 
 def _sought(device: Device, fitted: Fitted) -> dict[Effect, list[Place]]:
-    """What may be periodic in position, and where."""
+    """Effects that are periodic in position, and their open places."""
     named = {place_label(p) for p in (*device.physics, *fitted.model.effects)}
     found: dict[Effect, list[Place]] = {}
     for effect in EFFECTS.values():

@@ -10,12 +10,12 @@ from zwidth.diagnosis.settings import PURSUIT
 class Effort:
     """How many hypotheses a search fits.
 
-    effects: at most, in one hypothesis. beam: number of hypotheses that continue. near, far: starts
-    fitted from a view with the likeliest noise, and from a long-horizon view; judged: of each view,
-    evaluated with their own noise; ended: of a round, fitted to the end. rivals: starts in place of
-    each effect, beside: of them, fitted to the end. generations, members: of a population that
-    searches for the valley again. rounds: of adding and exchanging. surfaces: whether learned laws
-    over two states are sought.
+    effects: most effects in one hypothesis. beam: number of hypotheses that continue. near, far:
+    starts fitted from a view with the most likely noise, and from a long-horizon view; judged:
+    starts of each view that are evaluated with their own noise; ended: starts of a round that are
+    fitted to the end. rivals: starts in place of each effect, beside: those of them that are fitted
+    to the end. generations, members: of a population that searches for the valley again. rounds: of
+    adding and exchanging. surfaces: whether laws over two states are learned.
     """
 
     effects: int = 5
@@ -32,7 +32,7 @@ class Effort:
     surfaces: bool = True
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
-    most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone
+    most_ended: ClassVar[int] = 2  # times `ended`, if laws differ only in their places
     near_rival: ClassVar[float] = PURSUIT.near_rival
     hopeless: ClassVar[float] = PURSUIT.hopeless
 

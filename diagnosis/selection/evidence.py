@@ -4,9 +4,9 @@ A hypothesis H is a structure S (which effects, where), its parameters theta and
 noise. Its cost is
 
     cost(H) = -2 ln p(y | theta, noise) - 2 ln p(theta)              how well it explains
-            + ln det A - k ln 2 pi + 2 sum_k ln range_k              what its freedom costs
-            - 2 ln P(S)                                              how common such physics is
-            + 2 ln (alternatives searched)                           what was looked through
+            + ln det A - k ln 2 pi + 2 sum_k ln range_k              price of its freedom
+            - 2 ln P(S)                                              how rare such physics is
+            + 2 ln (alternatives searched)                           how much was searched
 
 at its best theta: Laplace's approximation of -2 ln of the evidence p(y, S). A is half the curvature
 of the first line over all parameters (J'J + 1 for each prior); k effect parameters are uniform over
@@ -14,7 +14,7 @@ a range each, from zero to the largest plausible value. With one parameter of st
 the second line is 2 ln (range / sigma) - ln 2 pi. Linear parameters are in all hypotheses, so their
 constant terms are left out.
 
-H' is believed over H where it costs less by more than 2 ln (1 / ALPHA): the only threshold.
+H' is believed over H if it costs less by more than 2 ln (1 / ALPHA): the only threshold.
 
 If no hypothesis is true (real machines), a likelihood ratio is overconfident: the gain of one over
 the other comes from few stretches, and has different signs in different places. The gain is summed
@@ -23,15 +23,16 @@ over blocks, and the scatter of the blocks gives the uncertainty of the sum,
     phi = variance of the sum / (4 |gain|), at least 1,    sigma = sqrt(|gain| / phi).
 
 If one of two hypotheses is true, phi is 1: with e white of variance 1 and d the difference of
-predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. An effect that
-acts in some stretches only (drag at speed, play at reversals) has its d^2 there, and so its gain;
-this is no scatter. So the variance is about the values that d^2 predicts for each block (a fitted
-straight line), not about their mean. (Vuong, Econometrica 57, 1989, uses the mean; neighbouring
-blocks by Newey & West, Econometrica 55, 1987; Laplace: Kass & Raftery, J. Am. Stat. Assoc. 90,
-1995.) The relative weight of each hypothesis is exp(-cost / 2 phi).
+predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. The gain of an
+effect that acts in some stretches only (drag at speed, play at reversals) differs between blocks,
+like d^2, without scatter. So the variance is computed about the gains that d^2 predicts for the
+blocks (a fitted straight line), not about their mean. (Vuong, Econometrica 57, 1989, uses the mean;
+neighbouring blocks by Newey & West, Econometrica 55, 1987; Laplace: Kass & Raftery, J. Am. Stat.
+Assoc. 90, 1995.) The relative weight of each hypothesis is exp(-cost / 2 phi).
 
-Limits: Laplace takes the cost for a parabola in theta. With creases it is one only over their
-width, so A must be computed over as much. Fewer than ten blocks say little about their scatter.
+Limits: Laplace assumes that the cost is a parabola in theta. With creases this holds only beyond
+their width, so A must be computed over at least this width. Fewer than ten blocks give a poor
+estimate of their scatter.
 """
 
 import math
@@ -49,7 +50,7 @@ ALPHA = EVIDENCE.alpha
 
 @dataclass(frozen=True)
 class Cost:
-    """The lines of the equation above, each in -2 ln: the cost of a hypothesis by its parts."""
+    """The four lines of the cost of a hypothesis in the equation above, each in -2 ln."""
 
     misfit: float
     freedom: float = 0.0
@@ -58,19 +59,18 @@ class Cost:
 
     @property
     def total(self) -> float:
-        """The cost."""
+        """The sum of all four."""
         return self.misfit + self.freedom + self.rarity + self.searched
 
 
 def freedom(information: Floats, ranges: Sequence[float]) -> float:
     """Return the penalty of free parameters.
 
-    information (p, p): A; ranges: of the parameters uniform over them, in the units of A. Infinite
-    if A does not determine a parameter. Raises ValueError for ranges that are not finite and above
-    0.
+    information (p, p): A; ranges: of the uniform parameters, in the units of A. Infinite if A does
+    not determine a parameter. Raises ValueError unless ranges are finite and above 0.
     """
     if any(not 0.0 < r < math.inf for r in ranges):
-        raise ValueError(f"ranges are {list(ranges)}; allowed are finite ones above 0")
+        raise ValueError(f"ranges are {list(ranges)}; each must be finite and more than 0")
     sign, log_det = np.linalg.slogdet(information)
     bits = float(log_det) if sign > 0.0 else math.inf
     return bits + 2.0 * sum(math.log(r) for r in ranges) - len(ranges) * math.log(2.0 * math.pi)
@@ -79,7 +79,7 @@ def freedom(information: Floats, ranges: Sequence[float]) -> float:
 def rarity(odds: Sequence[float]) -> float:
     """Return the penalty of effects with these prior probabilities, above 0 and below 1."""
     if any(not 0.0 < p < 1.0 for p in odds):
-        raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
+        raise ValueError(f"odds are {list(odds)}; each must be more than 0 and less than 1")
     return -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
 
 
@@ -90,7 +90,7 @@ def believed(new: Cost, old: Cost, phi: float = 1.0) -> bool:
 
 @dataclass(frozen=True)
 class Compared:
-    """The gain of one hypothesis over another: -2 ln likelihood summed, its overdispersion."""
+    """The gain of one hypothesis over another: summed -2 ln likelihood, and its overdispersion."""
 
     gain: float
     phi: float
@@ -104,9 +104,9 @@ class Compared:
 def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Compared:
     """Compare two hypotheses by the gain of one over the other in each block (blocks,).
 
-    foretold: squared differences of their predictions, in each block; None for equal ones. lags:
-    how many neighbouring blocks count as correlated, with falling weight. Blocks of several
-    recordings are in order; fewer than 3 (5 with `foretold`) give no scatter, and phi is 1.
+    foretold: squared differences of their predictions in each block; None if equal. lags: number of
+    neighbouring blocks that count as correlated, with falling weight. Fewer than 3 blocks (5 with
+    `foretold`) give no scatter, and phi is 1.
     """
     total, count = float(gains.sum()), gains.size
     line = np.ones((count, 1))

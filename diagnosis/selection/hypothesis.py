@@ -28,11 +28,11 @@ Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
-MOST_TURNS, MUCH = 10, 10.0  # of a fit; what one must gain in misfit for more than were asked for
-HORIZONS = 4.0  # over which errors so far ahead are seen to depend on each other
-FURTHER = 3  # fits that begin anew where one ended as far from its start as it may go
+MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
+HORIZONS = 4.0  # horizons over which the dependence of errors is measured
+FURTHER = 3  # new fits after one that ended as far from its start as allowed
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
-UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
+UNSEEN = 1e-9  # information on x, relative to the device file's own
 ODDS = EVIDENCE.rare
 
 
@@ -40,12 +40,12 @@ ODDS = EVIDENCE.rare
 class Hypothesis:
     """Structure and parameters (model, x) for recordings, noise, and their cost.
 
-    experiments: the recordings, with what the structure knows about them (lost commands, the error
-    of an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual:
-    weighted innovations and priors with the noise; slopes: of it by x, None if it was only
-    evaluated and not fitted. family: of the noise from which its own was chosen; costs can be
-    compared within one. prices: penalties of effects (effect@place) that were sought tick by tick,
-    in -2 ln. ended: whether another round of fit and noise is known to gain nothing.
+    experiments: the recordings, with corrections of the structure (lost commands, errors of encoder
+    steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighted innovations
+    and priors with the noise; slopes: its derivatives by x, None if they were not computed. family:
+    the noise family from which noise was chosen; only costs within one family can be compared.
+    prices: penalties, in -2 ln, of effects (effect@place) that were sought tick by tick. ended:
+    whether another round of fit and noise is known to gain nothing.
     """
 
     experiments: Sequence[Experiment]
@@ -67,19 +67,19 @@ class Hypothesis:
 
     @property
     def creased(self) -> bool:
-        """Whether its prediction is a nonsmooth function of its parameters."""
+        """Whether the prediction is a nonsmooth function of the parameters."""
         return creased(self.model)
 
     @property
     def has_valleys(self) -> bool:
-        """Whether a fit of it ends in the valley where it began."""
+        """Whether a fit ends in the valley of the cost where it began."""
         return with_play(self.model.effects)
 
     @property
     def against_physics(self) -> str:
-        """A parameter at a value that is not physical, "" for none.
+        """A parameter or combination that is not physical, "" for none.
 
-        That is, on a physical bound (`Parameter.ends`), or in an impossible combination
+        That is a parameter on a physical bound (`Parameter.ends`) or a forbidden combination
         (`Effect.forbidden`).
         """
         for p, x in zip(self.model.parameters, self.x, strict=True):
@@ -95,12 +95,12 @@ class Hypothesis:
 
     @property
     def problem(self) -> Problem:
-        """The recordings with its noise."""
+        """The recordings with the hypothesis's noise."""
         return self.noise.problem(self.experiments)
 
     @property
     def ground(self) -> Landscape:
-        """The cost of its model over x with its noise."""
+        """The cost over x, with the hypothesis's model and noise."""
         return self._ground(SEARCHING)
 
     @property
@@ -114,16 +114,16 @@ class Hypothesis:
 
     @property
     def samples(self) -> int:
-        """Number of weighed innovations in the residual."""
+        """Number of weighted innovations in the residual."""
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
     def in_finer_steps(self) -> "Hypothesis":
-        """Return it with its cost with the substeps of final fits, all else unchanged."""
+        """Return the hypothesis with its cost in the substeps of final fits, all else unchanged."""
         (finer,) = self._ground(FINAL).costs([self.x])
         return replace(self, cost=replace(self.cost, misfit=float(finer)))
 
     def less(self, index: int) -> "Hypothesis | None":
-        """Return the hypothesis without one of its effects, all else as it stands."""
+        """Return the hypothesis without one effect, not fitted again; None without an observer."""
         model, x = self.model.less(self.x, index)
         near, begun = self.family.near(self.ratio), self.begun
         with suppress(NoObserver):
@@ -139,11 +139,11 @@ class Hypothesis:
         return self._at(x, self.family)
 
     def under(self, ratio: float) -> "Hypothesis":
-        """Return the hypothesis with the noise of one ratio; raises NoObserver."""
+        """Return the hypothesis with the noise of one ratio; may raise NoObserver."""
         return self._at(self.x, self.family.of(ratio))
 
     def on(self, experiments: Sequence[Experiment]) -> "Hypothesis":
-        """Return the hypothesis on other recordings, its noise unchanged; raises NoObserver."""
+        """Return the hypothesis on other recordings with the same noise; may raise NoObserver."""
         there = judged(
             experiments, self.model, self.x, self.family, self.family.of(self.ratio), self.prices
         )
@@ -155,7 +155,7 @@ class Hypothesis:
 
     @property
     def begun(self) -> Sequence[Floats] | None:
-        """The initial state of its observer, which takes long to find with play; None without."""
+        """With play, the observer's initial states, which take long to find; else None."""
         return self.noise.starts if self.has_valleys else None
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
@@ -163,7 +163,7 @@ class Hypothesis:
 
     @property
     def fitted(self) -> Fitted:
-        """The same, as what reads a fit takes it; of one that was priced."""
+        """The hypothesis as a fit; only after `priced`."""
         assert self.slopes is not None
         chi2 = float(self.residual @ self.residual)
         return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
@@ -178,10 +178,10 @@ def judged(
     prices: Prices = (),
     begun: Sequence[Floats] | None = None,
 ) -> Hypothesis:
-    """Return a model at x with its likeliest noise; raises NoObserver if none follows.
+    """Return a model at x with its most likely noise; raises NoObserver if none is possible.
 
-    among: the members of the family that are tried, None for all. prices: those of effects that the
-    model lacks are ignored. begun: as in `likeliest`.
+    among: the members of the family that are tried, None for all. prices: ignored for effects that
+    the model lacks. begun: as in `noise.family.likeliest`.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
@@ -198,14 +198,14 @@ def judged(
 
 
 def independent(h: Hypothesis, horizon: float) -> Hypothesis:
-    """Return a hypothesis whose errors count as often as they are independent.
+    """Return a hypothesis whose likelihood counts only independent errors.
 
-    Errors over a horizon [s] are dependent, tau at a time (`shared`), and the gain of one
-    hypothesis over another by chance is tau times the gain with independent errors. Counted as n
-    samples, chance would be explained by laws. So the likelihood, its slopes and the penalty of a
-    parameter all count 1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78,
-    2016). On a motor under white force whose one friction is known, phi of anything else that is
-    tried is 20 to 90 over 50 ms if each sample counts, and 1.0 to 1.4 with this.
+    Errors over a horizon [s] are dependent, tau at a time (`shared`), so one hypothesis gains by
+    chance tau times as much over another as with independent errors. If all n samples counted, laws
+    would be found in chance. So the likelihood, its slopes and the penalty of a parameter all count
+    1 / tau times (the power of Bissiri, Holmes & Walker, J. R. Stat. Soc. B 78, 2016). On a motor
+    under white force with one known friction, the phi of any further effect over 50 ms is 20 to 90
+    if each sample counts, and 1.0 to 1.4 with this.
     """
     if h.family.whitening:
         return h
@@ -216,15 +216,14 @@ def independent(h: Hypothesis, horizon: float) -> Hypothesis:
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
-    """Fit and choose the noise again, in turn, until neither gains; then add the penalty.
+    """Fit and choose the noise again, in turn, until neither gains; then price the parameters.
 
     The first round uses as few substeps as suffice to compare costs, which brings the fit most of
-    the way. (A noise chosen at wrong parameters takes their errors for disturbances, so each round
-    used to be made with a slower noise too. Since observers start where friction does and the clock
-    has its skew, that gained nothing: less than 1 in -2 ln on two masses with two frictions from
-    six device files up to 60 % off, and the same names on eleven recordings of the paired set.)
-    turns: at most, or while they gain much. A fit that ends at the limit of its allowed distance
-    from the start (`Parameter.walks`) has not converged, and continues.
+    the way. (A noise chosen at wrong parameters attributes their errors to disturbances. But making
+    each round with a slower noise too gained less than 1 in -2 ln on two masses with two frictions,
+    from six device files up to 60 % off, and changed no effect on eleven recordings of the paired
+    set.) turns: the most, but more while they gain much. A fit that ends at the limit of its
+    allowed distance from the start (`Parameter.walks`) has not converged, and continues.
     """
     best = _settled(begun, turns, rounds, worth)
     for _ in range(FURTHER):
@@ -238,7 +237,7 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
         best = _settled(again, turns, rounds, worth)
-    if best.has_valleys:  # where it begins was carried from turn to turn, and is sought once more
+    if best.has_valleys:  # compute the initial state anew
         near = best.family.near(best.ratio)
         anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
         best = replace(anew, ended=best.ended) if anew.cost.misfit < best.cost.misfit else best
@@ -267,8 +266,8 @@ def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
 def priced(h: Hypothesis) -> Hypothesis:
     """Return the hypothesis with its slopes, and with the penalty of its parameters.
 
-    The penalty is infinite if the recordings do not determine a parameter of an effect: they cannot
-    have shown that effect, but only a simpler one.
+    The penalty is infinite if the recordings do not determine a parameter of an effect: they can
+    then show only a simpler one.
     """
     slopes = slopes_where_it_stands(h.ground, h.x).slopes
     information, parameters = slopes.T @ slopes, h.model.parameters
@@ -278,10 +277,10 @@ def priced(h: Hypothesis) -> Hypothesis:
         for i, p in enumerate(parameters)
     ):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
-    # The origin of positions, which has no prior, where only velocities are recorded: in all alike.
+    # Skips the origin of positions (no prior) if only velocities are recorded: for all hypotheses.
     seen = [i for i, p in enumerate(parameters) if p.prior or information[i, i] > UNSEEN]
-    # Uniform over a range R has the variance R^2 / 12, so that no direction is known worse: of what
-    # does the same as the origin of positions alone the determinant would be nothing, and free.
+    # A uniform range R has the variance R^2 / 12, which limits the uncertainty of every direction:
+    # else a parameter that is equivalent to the origin of positions would cost nothing.
     ranges = _ranges(h.model, h.x, information)
     own = [i for i, p in enumerate(parameters) if not h.model.is_linear(p)]
     known = information.copy()
@@ -298,7 +297,7 @@ def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
     """Range of each effect parameter in x, at least its own standard error.
 
     A magnitude is equally likely in every octave of its sweep: its density at v is 1 / (v ln(most /
-    least)), as for a range of v ln(most / least). A phase is uniform on its turn. A change is
+    least)), so its range is v ln(most / least). A phase is uniform over its turn. A change is
     uniform up to the size of the changing parameter, in both directions.
     """
     variance = np.diag(np.linalg.pinv(information))
@@ -324,7 +323,7 @@ def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
 
 
 def _blocks(ground: Landscape, residual: Floats) -> Floats:
-    """-2 log likelihood over stretches of the recordings, (blocks,), summing to that of all."""
+    """-2 log likelihood over stretches of the recordings, (blocks,); they sum to the total."""
     observer = ground.problem.observer
     o = observer.deviation.size
     rows = residual[: residual.size - int(np.count_nonzero(ground.priors))].reshape(-1, o)
@@ -340,12 +339,12 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
 
 
 def gains(new: Hypothesis, old: Hypothesis) -> Floats:
-    """The gain of one over the other in each stretch (blocks,)."""
+    """The gain of one hypothesis over the other in each stretch (blocks,)."""
     return old.blocks - new.blocks
 
 
 def against(new: Hypothesis, old: Hypothesis) -> Compared:
-    """The gain of one over the other, and its scatter about what their difference predicts."""
+    """The gain of one hypothesis over the other, and its scatter about the predicted gain."""
     if new.samples != old.samples:
         return compared(gains(new, old))
     outputs = new.noise.observer.deviation.size

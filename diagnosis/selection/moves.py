@@ -1,4 +1,4 @@
-"""Moves: neighbours of a hypothesis that are worth a fit. The cost decides, not they."""
+"""Moves: neighbours of a hypothesis that are worth a fit; the cost then decides between them."""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -38,25 +38,25 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
-SLOWER = 1e-2  # of the own ratio
+SLOWER = 1e-2  # relative to the hypothesis's own ratio
 NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the populations from there
-TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
-FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
-BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
-GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
+TELLING_TICKS = 10 * SETTLING  # least ticks of a recording by which starts are ranked
+FAR_TICKS = 6000  # of all recordings together, in far views: enough to show strong effects
+BENT = 0.05  # in x: a fit that moved farther is also viewed at its device file
+GIVEN_WAY = 2.0  # in x: the most that parameters adapt before a fit
 
 
 @dataclass(frozen=True)
 class Proposal:
     """A model worth a fit, and its start: x, and the problem of the first fit.
 
-    under: the noise of its first fit, None if it needs none. family: of its noise; near: ratio
-    about which that is sought, None for all of the family. prices: as of a hypothesis. akin:
-    whether it differs from a hypothesis only in the place of an effect, or in a simpler law of the
-    same kind there. begins: where the observer of the original hypothesis starts. With play, this
-    start is computed again only at the end of a fit; computing it for each move took 28 % of a
-    search with play.
+    under: the problem of the first fit, None if the proposal needs no such fit. family: of the
+    noise; near: ratio about which the noise is sought, None for the whole family. prices: as in
+    `Hypothesis`. akin: whether only the place of an effect differs from the original hypothesis, or
+    the law is a simpler one of its kind. begins: initial states of the original's observer. With
+    play, they are computed again only at the end of a fit; computing them for each move took 28 %
+    of a search.
     """
 
     experiments: Sequence[Experiment]
@@ -70,10 +70,10 @@ class Proposal:
     begins: Sequence[Floats] | None = None
 
     def judged(self, x: Floats) -> Hypothesis:
-        """Return it at x with its likeliest noise; raises NoObserver if none follows.
+        """Return the hypothesis at x with its most likely noise; may raise NoObserver.
 
-        A fit that started in a view with other noise is continued with its own, otherwise it would
-        cost more than one that started there.
+        A first fit with the noise of a view is continued with the hypothesis's own noise; otherwise
+        it would cost more than a fit that started with its own.
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.begins)
@@ -83,7 +83,7 @@ class Proposal:
 
     @property
     def label(self) -> str:
-        """Its effects."""
+        """The effects, as text."""
         return self.model.label
 
     @property
@@ -92,7 +92,7 @@ class Proposal:
         return frozenset(effect_labels(self.model.effects))
 
     def begun(self) -> "Begun":
-        """Return the result of a first fit with the problem in which it stood out."""
+        """Return the result of a first fit to the problem `under`."""
         if self.under is None:
             return Begun(self, self.x, 0.0)
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
@@ -120,17 +120,14 @@ Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
 def glanced(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those clear in the first part of the recordings.
-
-    Empty if they are short: strong effects show in a part, and weak ones are sought in everything.
-    """
+    """Yield the hypothesis with one more effect clear in the first part of long recordings."""
     if (ticks := _glance(h.experiments)) is not None:
         views = itertools.chain(_views(h, ticks), _views_afar(h, ticks))
         yield from _more(h, effort, views, PURSUIT.clear_sign)
 
 
 def _glance(experiments: Sequence[Experiment]) -> int | None:
-    """Ticks of all recordings that suffice for strong effects, None if that saves nothing."""
+    """Ticks of all recordings that suffice for strong effects, None if the cut saves too little."""
     ticks = max(PURSUIT.glance, TELLING_TICKS * len(experiments))
     return ticks if sum(e.ticks for e in experiments) >= PURSUIT.worth_a_glance * ticks else None
 
@@ -143,12 +140,12 @@ def _cut(problem: Problem, ticks: int | None) -> Problem:
 
 
 def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in one of its views."""
+    """Yield the hypothesis with one more effect that stands out in any of its views."""
     yield from showing(NO_SIGN)(h, effort)
 
 
 def showing(least: float) -> Move:
-    """Return the move that adds one of the effects that explain so much to first order."""
+    """Return the move that adds an effect that explains more than `least` to first order."""
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)), least)
@@ -157,12 +154,12 @@ def showing(least: float) -> Move:
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in the next sample."""
+    """Yield the hypothesis with one more effect that stands out in one-step errors."""
     yield from _more(h, effort, _views(h), NO_SIGN)
 
 
 def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
-    """Yield effects that stand out in views, by `least`, and the play that a scan shows."""
+    """Yield effects that explain more than `least` in views, and play that a scan finds."""
     device = h.model.build(h.x)
     where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
@@ -180,7 +177,7 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
 
 
 def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
-    """Starts with a score, and those of play, for which a score says nothing."""
+    """Separate the starts of play, for which scores are meaningless."""
     play = {label: group for label, group in starts.items() if with_play((group[0].physics,))}
     return {label: group for label, group in starts.items() if label not in play}, play
 
@@ -188,11 +185,12 @@ def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
 def _played(
     h: Hypothesis, model: Model, x: Floats, play: Starts, effort: Effort
 ) -> Iterator[Proposal]:
-    """Yield a model with play from a scan, one for each place, fitted with its own noise.
+    """Yield a model with play for each place, from a scan, fitted with its own noise.
 
-    Each from the result of a population (`seeking.playing`), and the cheapest of them. Beside the
-    bottom of a valley, a play at -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
-    cubic spring at -131 760; and the cheapest result of a population may be in the wrong valley.
+    The results of populations (`seeking.playing`) are all fitted, and the cheapest is yielded:
+    beside the bottom of its valley, a play at -131 540 in -2 ln, whose fit ends at -136 500, costs
+    more than a cubic spring at -131 760; and the cheapest result before a fit may be in the wrong
+    valley.
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
@@ -224,10 +222,10 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis without each of its effects, its strength gone or moved to its law.
+    """Yield the hypothesis without each effect, its strength dropped or moved to the same law.
 
-    Friction that two masses share is first assigned to one of them, and a fit across creases does
-    not move it.
+    Friction of two masses may first be assigned to one of them, and a fit across creases does not
+    move it.
     """
     under = _cut(h.problem, _glance(h.experiments))
     for i, gone in enumerate(h.model.effects_at(h.x)):
@@ -239,7 +237,7 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
-    """Yield x with the removed strength added to one of the effects of its law."""
+    """Yield x with the removed strength added to each other effect of the same law."""
     for i, physics in enumerate(model.effects):
         if physics.effect is not gone.effect:
             continue
@@ -271,10 +269,10 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect replaced by two of those that it contains.
 
-    A constant force and Coulomb friction are a directional friction with other levels. In place of
-    one of the two, each other law of its family that contains it is tried as well, such as friction
-    that rises with speed. One at a time, the search would have to pass through the two simple ones,
-    which explain less.
+    A constant force and Coulomb friction are together a directional friction. Instead of a
+    contained effect, other laws of its family that contain such effects too are also tried, such as
+    friction that rises with speed; one step at a time, the search would have to pass through the
+    two simple effects, which explain less.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -297,17 +295,13 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def _shares(effect: Effect, whole: Effect) -> bool:
-    """Whether an effect is a part of one, or another law of its family that has such a part."""
+    """Whether `whole` contains an effect, or shares a contained effect and its family with it."""
     alike = effect is not whole and effect.family == whole.family != ""
     return effect.name in whole.contains or (alike and bool({*effect.contains} & {*whole.contains}))
 
 
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with two effects at one place replaced by a law that contains both.
-
-    If two simple laws explain something, the richer one does too; only the two together show which
-    it is.
-    """
+    """Yield the hypothesis with two effects at one place replaced by a law that contains both."""
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
@@ -329,8 +323,8 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with two of its effects exchanged.
 
-    For two frictions at two places, exchanged one at a time, the search would have to pass through
-    two laws at one place.
+    If two frictions at two places were exchanged one at a time, the search would have to pass
+    through two laws at one place.
     """
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(h.model.build(h.x).bare(), h.experiments, h.model.reads(h.x).gain)
@@ -356,9 +350,9 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def replaced(index: int) -> Move:
     """Return the move that replaces one effect by another.
 
-    An effect that neither contains it nor is contained in it is tried only if, to first order, it
-    explains a good part of the same; others end far away. The gain of the effect in the first part
-    of the recordings shows whether that part suffices.
+    An effect that neither contains the old one nor is contained in it is tried only if, to first
+    order, it explains a good part of the same; others end far away. Only the first part of the
+    recordings is used if the old effect is clear there.
     """
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
@@ -384,7 +378,7 @@ def replaced(index: int) -> Move:
         others = [one for one in screened(seen, starts) if one.start.label != gone]
         base = replace(h, model=model, x=x)
         least = PURSUIT.rival_share * explained - PURSUIT.hopeless
-        alike = {  # the same law elsewhere: behind a stiff link it has the same numbers
+        alike = {  # the same law elsewhere, with the same parameters, as behind a stiff link
             label_of(own.effect.name, place): Start(
                 replace(own, at=str(place)), h.model.scales[index], own.effect.within(sizes, place)
             )
@@ -395,7 +389,7 @@ def replaced(index: int) -> Move:
             if (moved := alike.get(one.start.label)) is not None:
                 yield replace(_among(h, model, at, [(moved,), (one.start,)]), akin=True)
                 continue
-            # What contains it explains as much at least, and has to be fitted to say how much more.
+            # A richer effect explains at least as much, and only a fit shows how much more.
             akin = one.start.physics.effect.name in laws
             likely = rank < effort.rivals and one.score > least
             if likely or akin or one.start.label in richer:
@@ -407,10 +401,7 @@ def replaced(index: int) -> Move:
 def _without(
     h: Hypothesis, model: Model, x: Floats, ticks: int | None
 ) -> tuple[Problem, Floats, float]:
-    """A hypothesis without an effect, its parameters adapted: their values, and the cost.
-
-    ticks: of the recordings, None for all.
-    """
+    """The cut problem, a model's adapted x without an effect, and how much more it costs."""
     under = _cut(h.problem, ticks)
     ground = Landscape(under.experiments, under.observer, model, SCREENING)
     creased = any(p.effect.creased for p in model.effects)
@@ -420,11 +411,11 @@ def _without(
 
 
 def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
-    """Yield a hypothesis with its own noise, and with a slower one; ticks: at most.
+    """Yield a hypothesis with its own noise, and with a slower one; ticks: most, None for all.
 
-    The noise of a model that may lack physics takes part of it for disturbance, and its filter
-    takes the rest for colour. So the hypothesis is also viewed with an observer that is a hundred
-    times slower and assumes no colour.
+    A noise model attributes part of the missing physics to disturbance, and its filter attributes
+    the rest to coloured noise. So the second observer is a hundred times slower and assumes white
+    noise.
     """
     yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
@@ -433,11 +424,7 @@ def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
 
 
 def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
-    """Yield a hypothesis with an observer that hardly corrects, at its x and its file's.
-
-    With its own noise, that of a model that may lack physics, an observer takes part of it for
-    disturbance, and its filter takes the rest for colour.
-    """
+    """Yield a hypothesis with an observer that hardly corrects, at its x and its device file's."""
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, ticks)
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT
@@ -463,7 +450,7 @@ def _as_strong(starts: Sequence[Start], other: Physics) -> list[Start]:
 
 
 def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
-    """The hypothesis with a start, its parameters adapted if that is the better start."""
+    """The hypothesis with a start, its parameters adapted if that costs less."""
     start = one.start
     model = seen.model.with_effect(start.physics, start.scales, start.bounds)
     own = [p.name for p in model.parameters[seen.model.lasting : model.lasting]]
@@ -478,9 +465,9 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
-    """The best of some starts of one effect, or of several together, with a given noise.
+    """The best of some starts of one effect, or of several together, with the hypothesis's noise.
 
-    Chosen and first fitted on the first part of the recordings, if that saves much.
+    It is chosen and first fitted on the first part of the recordings, if that saves much.
     """
     problem = _cut(h.problem, _glance(h.experiments))
     tried = model

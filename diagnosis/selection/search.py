@@ -1,13 +1,12 @@
 """The search: from the device file to the hypothesis that costs least.
 
-    settle the linear parameters
-    repeat: add the effect that is believed most        (a beam, until nothing is believed)
-            put simpler, other, fewer effects in place  (until nothing costs less: the rivals)
+    settle the linear parameters repeat: add the effect that is believed most (a beam, until nothing
+    is believed) put simpler, other, fewer effects in place (until nothing costs less: the rivals)
 
-`evidence` decides what is believed; `moves` what is tried; `Effort` how much. An effect that only
-lowers one-step errors may not displace one that a longer horizon needs (`slower`): of the effects
-that are believed, the one that explains more over that horizon is added first, and none is removed
-that it needs.
+`evidence` decides which effects are believed, `moves` which are tried, `Effort` how many. An effect
+that only lowers one-step errors may not displace one that a longer horizon needs (`slower`): of the
+believed effects, the one that explains more over that horizon is added first, and none that the
+horizon needs is removed.
 """
 
 import math
@@ -62,20 +61,19 @@ Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
-WORTH_SAYING = 2.0  # [s], that fits must take to be announced
-GROWN_TICKS = 10000  # of all recordings together, to which populations grow
-AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
-MOST_APART, LEAST_LEFT = 8, 0.5  # parts that are set apart in turn; of all ticks, that are searched
-FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
+WORTH_SAYING = 2.0  # [s]: fits that take longer are announced
+GROWN_TICKS = 10000  # of all recordings together, to which populations are fitted
+AGAIN, STILL = 6, 10.0  # turns about the best, and the gain in misfit that justifies another
+MOST_APART, LEAST_LEFT = 8, 0.5  # parts set apart in turn; least share of ticks left to search
+FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x; 1 is the uncertainty of a device file
 
 
 @dataclass(frozen=True)
 class Moves:
     """The moves of a search: to add an effect, to replace a hypothesis, to replace an effect.
 
-    glancing: moves to add, before all else is tried; last: once nothing else is believed. apart:
-    the recordings of a hypothesis without what seems to happen once in them, None if there is
-    nothing.
+    glancing: moves to add, tried first; last: tried once nothing else is believed. apart: returns
+    the recordings of a hypothesis without an apparent event, None if there is none.
     """
 
     adding: Sequence[Move] = (added,)
@@ -88,12 +86,12 @@ class Moves:
 
 @dataclass
 class Search:
-    """The hypotheses that were tried and kept, by structure: the cheapest fit of each.
+    """The state of a search: the cheapest fit of each structure that was tried.
 
-    plain: without physics; best: the cheapest of all that are believed. clear: whether every clear
-    sign led to a believed effect. apart: how often a part of the recordings was set apart because
-    of an event; recorded: ticks in total, before that. slower: the judge of a longer horizon, None
-    if this search uses it already.
+    plain: without physics; best: the cheapest believed hypothesis. clear: whether every clear sign
+    led to a believed effect. apart: how often a part of the recordings was set apart because of an
+    event; recorded: number of ticks before that. slower: the judge of a longer horizon, None if
+    this search uses it already.
     """
 
     plain: Hypothesis
@@ -114,23 +112,20 @@ class Search:
     interrupted: bool = False
 
     def keep(self, h: Hypothesis) -> Hypothesis:
-        """Keep a hypothesis unless a cheaper one of its structure is known; return that one."""
+        """Keep a hypothesis unless a cheaper one of its structure is known; return the cheaper."""
         known = self.tried.get(h.labels)
         if known is None or h.cost.total < known.cost.total:
             self.tried[h.labels] = h
         return self.tried[h.labels]
 
     def ahead(self, new: Hypothesis, old: Hypothesis) -> bool:
-        """Whether a hypothesis is believed over another.
-
-        One with no more effects than the other needs no threshold: it only has to cost less.
-        """
+        """Whether a hypothesis is believed over another, or costs less with no more effects."""
         if len(new.model.effects) <= len(old.model.effects):
             return new.cost.total < old.cost.total
         return believed(new.cost, old.cost, against(new, old).phi)
 
     def needs(self, old: Hypothesis, new: Hypothesis) -> bool:
-        """Whether what leaves with one hypothesis for another is needed over a longer horizon."""
+        """Whether a longer horizon clearly prefers the old hypothesis to the new one."""
         return self.slower is not None and self.slower.prefers(old, new)
 
 
@@ -143,7 +138,7 @@ def search(
     family: Family = NEXT_SAMPLE,
     begun: Hypothesis | None = None,
 ) -> Search:
-    """Search for what explains recordings; raises NoObserver if none follows with the device.
+    """Search for effects that explain recordings; raises NoObserver if no observer is possible.
 
     family: the noise models with which all hypotheses are compared. begun: a hypothesis of another
     search, from which this one continues if it is believed.
@@ -159,16 +154,16 @@ def search(
         known = attempt("search", begun.model.label, partial(settled, begun))
         if known is not None and not known.against_physics and found.ahead(known, plain):
             found.best = found.keep(known)
-    say("the linear parameters are refitted; trying every effect")
+    say("linear parameters refitted; now trying every effect")
     _until_nothing_gains(found, _rounds)
     return found
 
 
 def from_afar(found: Search) -> bool:
-    """Search for the valley of the best again, with all its effects, and continue from there.
+    """Search for the valley of the best again; if another costs less, continue from there.
 
-    Returns whether that costs less. Friction, a dead band and a force that repeats over position
-    have, together, enough creases to trap a fit, though none of them alone does.
+    Returns whether one does. Friction, a dead band and a force that repeats over position together
+    have enough creases to trap a fit, though none of them alone does.
     """
     before = found.best
 
@@ -182,9 +177,9 @@ def from_afar(found: Search) -> bool:
 
 
 def two_at_once(found: Search) -> bool:
-    """Add two effects to the best if neither is believed alone; returns whether both are.
+    """Add two effects to the best, since neither is believed alone; returns whether both are.
 
-    Of several laws that act together, each explains little while the others are counted as noise.
+    If several laws act together, each alone explains little while the others count as noise.
     """
     before = found.best
 
@@ -221,7 +216,7 @@ def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
         with isolated("search", "a further effect"):
             work(found)
     except KeyboardInterrupt:
-        found.say("interrupted: judging what was found so far; press Ctrl-C again to leave")
+        found.say("interrupted: judging the result so far; press Ctrl-C again to quit")
         found.interrupted = True
 
 
@@ -238,9 +233,9 @@ def _rounds(found: Search) -> None:
 
 
 def _ended(found: Search) -> None:
-    """Fit near rivals as long as that gains: the best had many rounds of fit, they had two.
+    """Fit near rivals until they converge: they had two rounds of fitting, the best had many.
 
-    What then costs less than it, with no more effects, was the better one; so was what lacks an
+    A rival with no more effects that then costs less becomes the best, and so does one without an
     effect that is no longer believed over its absence.
     """
     best = found.best
@@ -255,7 +250,7 @@ def _ended(found: Search) -> None:
     with stage("ending rivals"):
         again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
     for h in again:
-        if h.against_physics:  # no answer, and no rival either, however it stood before
+        if h.against_physics:  # neither an answer nor a rival, even if it was one before
             found.tried.pop(h.labels, None)
     kept = [found.keep(h) for h in again if not h.against_physics]
     simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
@@ -263,7 +258,7 @@ def _ended(found: Search) -> None:
     least = min(idle or simple, key=lambda h: h.cost.total, default=best)
     if (idle or found.ahead(least, best)) and not found.needs(best, least):
         found.best = least
-        _exchanged(found)  # its own rivals
+        _exchanged(found)  # find its own rivals
 
 
 def _grown(found: Search) -> None:
@@ -287,9 +282,9 @@ def _grown(found: Search) -> None:
 
 
 def _leave_out(found: Search) -> None:
-    """Leave out what the best no longer needs as all else stands, which no fit has to show.
+    """Leave out effects that the best no longer needs even if the others are not refitted.
 
-    A friction that stood for play is of no size once the play is there.
+    A friction that imitated play has no size once the play is included.
     """
     while len(found.best.model.effects) > 1:
         h = found.best
@@ -305,10 +300,10 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
     """Set an event apart if it explains more than the next effect; returns whether it did.
 
     A hand on the device distorts every fit, and effects that explain part of it are believed one
-    after the other. An event must explain more of it than an effect does, and must remain once the
-    effect is known: an amplifier that meets its limit once looks like a hand. Its gain is the cost
-    of the recordings less their cost with ordinary noise in its place, at the cost per sample of
-    the rest.
+    after the other. An event must gain more than the next effect, and must remain once that effect
+    is included: an amplifier that reaches its limit once looks like a hand. The gain is the cost of
+    the recordings minus their cost with ordinary noise in place of the event, at the cost per
+    sample of the rest.
     """
     if found.moves.apart is None or found.apart >= MOST_APART:
         return False
@@ -331,9 +326,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
         explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
         if not explained > max(gained, PURSUIT.near_rival):
             return False
-        found.say(
-            "something seems to have happened once: continuing without that part of the recording"
-        )
+        found.say("one-time event found: continuing without that part of the recording")
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1
         return True
@@ -341,7 +334,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
-    """Continue with other recordings: the costs for those before cannot be compared."""
+    """Continue with other recordings, without earlier costs, which cannot be compared."""
     found.plain, found.best, found.tried = plain, best, {}
     found.slower = None if found.slower is None else Slower(plain)
     for done in (found.grown, found.looked, found.exchanged):
@@ -351,15 +344,15 @@ def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
 
 
 def searched_on(found: Search) -> None:
-    """Continue from the best, with recordings about which more is known than before."""
+    """Continue from the best, after `restart` with corrected recordings."""
     _until_nothing_gains(found, _rounds)
 
 
 def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """The hypotheses believed over the best with one effect more, the cheapest first.
+    """Hypotheses with one more effect that are believed over the best, the cheapest first.
 
-    First what shows clearly in the first part of the recordings; then what all of them show; and
-    once nothing else is believed, what is seen tick by tick.
+    First tries effects that are clear in the first part of the recordings, then all effects, and
+    once nothing else is believed, effects that are sought tick by tick.
     """
     moves = found.moves
     for asked in (moves.glancing if found.clear else (), moves.adding, moves.last):
@@ -383,14 +376,13 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Those believed over the best also if that is fitted from where the first of them ended.
+    """The hypotheses believed over the best, also if this is fitted from where the first ended.
 
-    With play a fit ends in one of many local minima. On a rig of four effects it ended 109 in -2 ln
-    above the minimum that a fit with a fifth, spurious effect reached, which "gained" 96. And such
-    motion is chaotic: under an observer that hardly corrects it, a mass of half a milligram changed
-    it enough to gain 273, and lost 13 000 with another number of substeps, where true effects of
-    that rig and another lose less than 10. So an effect must be believed with those substeps as
-    well.
+    With play a fit ends in one of many local minima. On a rig with four effects it ended 109 in -2
+    ln above the minimum that a fit with a fifth, spurious effect reached, which "gained" 96. And
+    such motion is chaotic: under an observer that hardly corrects, a spurious mass of half a
+    milligram gained 273, and lost 13 000 with another number of substeps, while true effects of two
+    rigs lose less than 10. So an effect must also be believed with the finer substeps.
     """
     best, first = found.best, new[0]
     gone = [i for i, n in enumerate(effect_labels(first.model.effects)) if n not in best.labels]
@@ -407,16 +399,16 @@ def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
-    """Those believed over the best in place of an effect that gains, but is not believed.
+    """Hypotheses believed over the best, with another effect in place of one that gains too little.
 
-    A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
+    A ripple that hardly gains may imitate gravity whose own fit ended in another valley.
     """
     more = [
         i
         for i, label in enumerate(effect_labels(doubtful.model.effects))
         if label not in found.best.labels
     ]
-    beyond = found.best.labels < doubtful.labels and len(more) == 1  # of a beam, not all are
+    beyond = found.best.labels < doubtful.labels and len(more) == 1  # not all of a beam
     if not beyond or not doubtful.cost.total < found.best.cost.total:
         return []
     (index,) = more
@@ -428,10 +420,10 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 def _exchanged(found: Search) -> None:
     """Try simpler, other and fewer effects while that costs less.
 
-    A move in place of an effect becomes its rival if the effect stays. As soon as something costs
-    less, the search continues from there.
+    An alternative becomes the rival of an effect that stays. As soon as one costs less, the search
+    continues from there.
     """
-    left: set[frozenset[str]] = set()  # for what costs less, before all was asked
+    left: set[frozenset[str]] = set()  # left for a cheaper hypothesis before all moves were tried
     for _ in range(4 * found.effort.effects):
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
@@ -449,13 +441,13 @@ def _exchanged(found: Search) -> None:
                 found.best = min(better, key=lambda n: n.cost.total)
                 found.say(f"better: {found.best.model.label}")
                 break
-        else:  # what is left costs no less, or was gone on from before
+        else:  # no alternative costs less, or the search was there before
             found.exchanged.add(h.labels)
             found.best = min([h, *less], key=lambda n: n.cost.total)
 
 
 def _instead(found: Search) -> Iterator[list[Hypothesis]]:
-    """Yield what may stand in the place of the best, move by move, fitted as it is asked for.
+    """Yield fitted alternatives to the best, move by move; each move is fitted on demand.
 
     The effect that explains least is replaced first, since it most often stands for another one.
     """
@@ -470,7 +462,7 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     labels = effect_labels(h.model.effects)
     for i in sorted(range(len(labels)), key=lambda i: without.get(labels[i], math.inf)):
         yield _tried(found, found.moves.replacing(i), effort.beside)
-    if effort.generations:  # held against a law that it contains, in the valley of both
+    if effort.generations:  # compared with a law that it contains, in the valley of both
         less = [
             n
             for n in new
@@ -485,11 +477,11 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
 
 
 def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Of what has a simpler law in the place of a richer one, what one effect more makes of it.
+    """The cheapest alternative with a simpler law in place of a richer one, with one more effect.
 
-    A law with more numbers replaces two that act together as soon as it explains more than one of
-    them alone: friction that falls with speed replaces dry friction beside a drag. This is tried
-    for the likeliest of them only, since each requires all moves.
+    A law with more parameters replaces two that act together as soon as it explains more than one
+    of them alone: friction that falls with speed replaces dry friction beside a drag. Only the
+    cheapest alternative is tried, since each requires all moves.
     """
     asked = [
         n
@@ -510,11 +502,11 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
 
 
 def look_for_valleys(found: Search) -> None:
-    """Let populations grow from where the best hypothesis stands and from the device file.
+    """Let populations evolve from the best hypothesis and from the device file.
 
-    Under each ratio of a ladder: what the best hypothesis leaves unexplained counts as its noise,
-    so its own ratio is larger than the right one. The cheapest of all results, each with its own
-    noise, continues.
+    They evolve under each ratio of a ladder, since what the best hypothesis leaves unexplained
+    counts as noise and makes its own ratio too large. The cheapest result, each with its own noise,
+    continues.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
@@ -528,12 +520,12 @@ def look_for_valleys(found: Search) -> None:
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
         found.best = new
-        for done in (found.grown, found.exchanged):  # from another valley the rest looks otherwise
+        for done in (found.grown, found.exchanged):  # in another valley other effects may gain
             done.discard(new.labels)
 
 
 def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:
-    """Let populations grow about the best of some hypotheses of one structure while that gains.
+    """Let populations evolve about the best of some hypotheses of one structure while that gains.
 
     A result is fitted to the end before it is compared with the best, since a population ends
     beside the bottom of a valley. Returns the best, None if it is not physical.
@@ -555,10 +547,7 @@ def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:
 def _arrived(
     h: Hypothesis, effort: Effort, legs: Sequence[tuple[float, Sequence[Floats], float]]
 ) -> list[Hypothesis]:
-    """Where populations arrive under their own noise, the best first.
-
-    Each leg: a ratio, the x from which populations start, their spread.
-    """
+    """Results of populations from legs (ratio, xs, spread), each with its own noise, best first."""
     stretch = beginnings(h.experiments, GROWN_TICKS)
 
     def grown(ratio: float, xs: Sequence[Floats], spread: float) -> list[Hypothesis]:
@@ -583,11 +572,11 @@ def _tried(found: Search, move: Move, ended: int) -> list[Hypothesis]:
 
 
 def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hypothesis]:
-    """Fit proposals, so many of them to their end; return these, the cheapest first.
+    """Fit proposals, `ended` of them to the end; return these, the cheapest first.
 
     Costs under one observer can be compared, so the cheapest first fits of each view continue;
-    their own noise then decides which are fitted to the end. A fit that ends outside what is
-    physical is no answer and no rival.
+    their own noise then decides which are fitted to the end. A fit that ends at unphysical values
+    is neither an answer nor a rival.
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
@@ -623,12 +612,9 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
 def _to_their_end(
     found: Search, order: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]
 ) -> list[Hypothesis]:
-    """Fit what is likely of what was judged, the cheapest first, to its end; return what stands.
-
-    A fit that ends outside what is physical is replaced by the next one.
-    """
+    """Fit the most likely hypotheses to the end, the next ones if none ends at physical values."""
     near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
-    if order and not near:  # a rival that is far is said, and how far no fit need tell
+    if order and not near:  # a far rival is reported without a fit
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
     while near and not finished:
         likely = _likely(near, ended, akin)
@@ -652,11 +638,10 @@ def _stands(
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
-    """Whether a complete fit may bring a hypothesis near the best one, without being a part of it.
+    """Whether a complete fit may bring a hypothesis near the best one.
 
-    A hypothesis that costs more by a large share of everything the best explains does not
-    (`PURSUIT.lagging`). One that contains all effects of the best and more costs less in the end,
-    wherever it starts.
+    Not if its cost is higher by a large share of everything that the best explains
+    (`PURSUIT.lagging`), unless its effects contain those of the best or are contained in them.
     """
     best = found.best
     if h.labels > best.labels or h.labels < best.labels:
@@ -667,10 +652,9 @@ def _comes_near(found: Search, h: Hypothesis) -> bool:
 
 
 def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
-    """What is fitted to its end: the cheapest of so many different laws, and what is akin.
+    """The hypotheses to fit to the end: the cheapest of `ended` different laws, and the akin ones.
 
-    Of one law at several places the cheapest few are kept; which place is right shows once the law
-    is included.
+    A law may be kept at several places, since the right place shows only in a complete fit.
     """
     order = sorted(begun, key=lambda h: h.cost.total)
     found: list[Hypothesis] = []
@@ -688,7 +672,7 @@ def _laws(h: Hypothesis) -> tuple[str, ...]:
 
 
 def _each(stage: str, tasks: Sequence[tuple[str, Callable[[], Result | None]]]) -> list[Result]:
-    """What tasks give, side by side, named by their labels, less what an error cost."""
+    """Results of labelled tasks, run in parallel, without those that failed or returned None."""
     asked = [partial(attempt, stage, label, task) for label, task in tasks]
     return [one for one in in_parallel(asked, threads()) if one is not None]
 

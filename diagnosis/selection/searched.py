@@ -4,13 +4,13 @@ If the family of noise models contains the truth, errors one sample ahead contai
 a recording, and the cheapest hypothesis is the answer. This is checked (`answer.adequacy`): free
 runs of the answer must err no more than its noise predicts. If they err more, no hypothesis of the
 family is true, and errors further ahead judge differently: filters, clocks and bristles show best
-in the next sample, where the remainder of friction looks like noise of a slow colour. So the search
-is repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`),
-and the two answers are compared by the errors of their free runs over every horizon, stretch by
-stretch; the horizon with the clearest difference decides. A recording of half a second has too few
-free runs to reject anything, and no error can be predicted for an answer whose simulated
-repetitions run away; in these cases both searches are always made. If the chosen answer does not
-explain held-out data, the other is compared with it there (`answer.stands`).
+in one-step errors, in which the remainder of friction looks like slow noise. So the search is
+repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`), and
+the two answers are compared by the errors of their free runs over every horizon, stretch by
+stretch; the horizon with the clearest difference decides. Both searches are always made if the
+recordings have too few free runs to reject anything (half a second), or if the answer's simulated
+repetitions run away. If the chosen answer does not explain held-out data, the other is compared
+with it there (`answer.stands`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -35,21 +35,20 @@ from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, 
 from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.sim.device import Device
 
-LEAST = 3  # of what was tried, that are fitted to see what chance leaves
-NEXT = 3  # that are asked where held-out data speak against what is believed most
-TELLING = 30  # free runs, of which fewer refuse nothing
-NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show in the next sample alone
+LEAST = 3  # hypotheses fitted over a longer horizon
+NEXT = 3  # hypotheses tried after held-out data rejected the best
+TELLING = 30  # free runs: fewer cannot reject an answer
+NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show only in one-step errors
 
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search found: the refit without physics, the final fit, and all that was tried.
+    """The result of a search: the refit without physics, the final fit, and all that was tried.
 
-    problem: the recordings with the noise of the best hypothesis; judge: the observer for held-out
-    data, which is the answer's own likeliest one. held: whether its free runs err no more than its
-    noise predicts on the fitted recordings. far: whether a longer horizon was tried. near: the
-    answer by the next sample, if that did not decide. beside: the answer of the other of the two
-    judges.
+    problem: the recordings with the noise of the best hypothesis; judge: the most likely observer
+    of the answer, for held-out data. held: whether free runs on the fitted recordings err no more
+    than the noise predicts. far: whether a longer horizon was tried. near: the answer by one-step
+    errors, if the longer horizon decided. beside: the answer over the other horizon.
     """
 
     problem: Problem
@@ -64,22 +63,19 @@ class Searched:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the search was."""
+        """Whether the search was interrupted."""
         return self.tried.interrupted
 
 
 class Searches:
-    """The searches of one diagnosis: of the same recordings there is one, whoever asks for it.
-
-    Events and learned laws are both sought in everything that was recorded, before either is known.
-    """
+    """The searches of one diagnosis, each made only once for the same recordings."""
 
     def __init__(self, search: Callable[[Sequence[Experiment]], Searched]) -> None:
         self._search = search
         self._made: list[tuple[tuple[Experiment, ...], Searched]] = []
 
     def __call__(self, experiments: Sequence[Experiment]) -> Searched:
-        """Search recordings, or return what a search of just these found; as `searched` raises."""
+        """Search recordings, or return an earlier search of exactly these; may raise NoObserver."""
         for those, found in self._made:
             if len(those) == len(experiments) and all(map(is_, those, experiments)):
                 return found
@@ -95,9 +91,9 @@ def searched(
     effort: Effort = NORMAL,
     moves: Moves = NEXT_MOVES,
 ) -> Searched:
-    """Search, and where no hypothesis that was found holds over free runs, search for what does.
+    """Search by one-step errors and, if that answer fails in free runs, over a longer horizon.
 
-    Raises NoObserver if no observer follows the recordings with the device.
+    Raises NoObserver if no observer can follow the recordings with the device.
     """
     near = search(device, experiments, effort, say, moves)
     first = as_found(device, near)
@@ -119,13 +115,13 @@ def searched(
 
 
 def farther(device: Device, found: Searched, say: Say) -> Searched:
-    """Search for what shows over a longer horizon, and return the answer whose free runs err less.
+    """Search over a longer horizon too, and return the answer whose free runs err less.
 
-    Laws that differ little in the next sample can differ much in where the motion ends: a link that
-    hardens imitates play from sample to sample, and drifts over a cycle.
+    Laws with similar one-step errors can lead to very different motions: a link that hardens
+    imitates play from sample to sample, and drifts over a cycle.
     """
     near = found.tried
-    say("searching again by the prediction error over a longer horizon")
+    say("searching again, now minimising the prediction error over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
         return replace(found, far=True)
@@ -138,12 +134,12 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
 
 
 def runs_freer(new: Searched, old: Searched, experiments: Sequence[Experiment]) -> bool:
-    """Whether one answer runs free clearly better than another (`adequacy.freer`)."""
+    """Whether free runs of one answer are clearly better (`adequacy.freer`)."""
     return freer((new.final, new.judge), (old.final, old.judge), experiments)
 
 
 def holds(device: Device, found: Searched) -> Adequacy | None:
-    """How an answer stands on the recordings that it was fitted to."""
+    """The adequacy of an answer on the recordings that it was fitted to."""
     experiments = found.problem.experiments
     return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
 
@@ -155,7 +151,7 @@ def _strays(found: Searched) -> bool:
 
 
 def _farther(device: Device, near: Search) -> Search | None:
-    """The search over a longer horizon; None where no observer looks so far."""
+    """The search over a longer horizon; None if no observer is possible there."""
     least = looking_far(near)
     if least is None:
         return None
@@ -167,10 +163,10 @@ def _farther(device: Device, near: Search) -> Search | None:
 
 
 def looking_far(near: Search) -> Hypothesis | None:
-    """Return what leaves least over a longer horizon of all that was tried, under noise that does.
+    """Return the tried hypothesis with the least misfit over a longer horizon, with such noise.
 
-    None if none looks so far. Errors count as often as they are independent in that hypothesis
-    alone: the remainder of missing physics is also dependent, and would be taken for chance.
+    None if no observer is possible there. Only this hypothesis decides how often errors count
+    (`independent`): errors of missing physics are dependent too, and would count as chance.
     """
     ahead = as_far_as(FAR_S, near.best.experiments)
     told: list[Hypothesis] = []
@@ -191,7 +187,7 @@ def as_found(device: Device, found: Search) -> Searched:
     problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
     own = [
         v for v in found.plain.model.varying if v.declared
-    ]  # of what changes, the refit knows none
+    ]  # the refit has none of the found changes
     bare = Model(device, varying=tuple(own))
     baseline = fit(problem, bare, found.plain.x[: len(bare.parameters)])
     final = with_rate(problem, _final(problem, best))
@@ -199,7 +195,7 @@ def as_found(device: Device, found: Search) -> Searched:
 
 
 def judge_of(best: Hypothesis) -> Observer:
-    """Return the likeliest observer of a hypothesis, whatever it was found under."""
+    """Return the most likely one-step observer of a hypothesis, if possible."""
     if best.family.whitening:
         return best.noise.observer
     try:
@@ -209,10 +205,7 @@ def judge_of(best: Hypothesis) -> Observer:
 
 
 def next_believed(found: Searched) -> Iterator[Searched]:
-    """Yield what else is believed over nothing, the cheapest first, where the best was refused.
-
-    A hypothesis with all effects of the best and more is rejected with it.
-    """
+    """Yield the cheapest hypotheses that are believed and lack an effect of the rejected best."""
     search = found.tried
     refused, plain = search.best.labels, search.plain
     left = [
@@ -228,10 +221,7 @@ def next_believed(found: Searched) -> Iterator[Searched]:
 
 
 def unnamed(found: Searched) -> Searched:
-    """Return a search as if nothing had been believed: the device file's own physics, refitted.
-
-    With the noise of the next sample, whatever noise was used to find what is not believed.
-    """
+    """Return the search with only the device file's own physics, refitted to one-step errors."""
     plain = _by_the_next_sample(found.tried.plain)
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = fit(problem, plain.model, plain.x)
@@ -249,7 +239,7 @@ def _by_the_next_sample(h: Hypothesis) -> Hypothesis:
 
 
 def _final(problem: Problem, h: Hypothesis) -> Fitted:
-    """A hypothesis in fine substeps: fitted once more where it has no creases."""
+    """A hypothesis in fine substeps, fitted once more if it has no creases."""
     if not h.creased:
         return fit(problem, h.model, h.x)
     residual = problem.residual(h.model, h.x)

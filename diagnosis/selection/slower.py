@@ -1,17 +1,17 @@
-"""The second judge: hypotheses compared over a longer horizon than the next sample.
+"""The second judge: compares hypotheses over a longer horizon than the next sample.
 
-If no model is true, the next sample is the worst judge: a lag, a limit of rate and a further mass
-explain more of it than the friction that governs the machine, and they displace friction, which
-free runs need. (A linear axis under pulses at 1 kHz: in -2 ln, lag and limit of rate gain 58 856 in
-the next sample and friction 650; over 50 ms it is 4810 against 64 788.) So a gain in the next
-sample may not displace what a longer horizon needs. If the family contains the truth, both agree
-and nothing changes.
+If no model is true, one-step errors mislead: a lag, a limit of rate and a further mass explain more
+of them than the friction that governs the machine, and displace friction, which free runs need. (A
+linear axis under pulses at 1 kHz: in -2 ln, lag and limit of rate gain 58 856 one step ahead and
+friction 650; over 50 ms they gain 4810 and 64 788.) So a gain one step ahead may not displace an
+effect that a longer horizon needs. If the family contains the truth, both horizons agree and
+nothing changes.
 
-Errors count as often as they are independent without physics (`hypothesis.independent`). Each
-hypothesis is first fitted a little with that noise, since its numbers were fitted with another. A
-fit that has not ended may lag behind by a share of everything that is explained
-(`PURSUIT.lagging`), and is only worse if it lags by more: on a recording without noise, a pendulum
-lagged behind an equivalent ripple of one turn by more than near rivals do.
+Only independent errors count, as without physics (`hypothesis.independent`). Each hypothesis is
+first fitted a little with that noise, since its parameters were fitted with another. An unfinished
+fit may lag behind by a share of everything that is explained (`PURSUIT.lagging`), and only counts
+as worse beyond that: on a recording without noise, a pendulum lagged behind an equivalent ripple of
+one turn by more than near rivals do.
 """
 
 from collections.abc import Sequence
@@ -27,24 +27,24 @@ from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged
 from zwidth.diagnosis.settings import PURSUIT
 
-FAR_S = 0.05  # [s] that errors are counted over
-ROUNDS = 4  # of a descent, once what stands is held against what is to come
+FAR_S = 0.05  # [s]: the longer horizon
+ROUNDS = 4  # of the descent before a comparison
 
 
 @dataclass
 class Slower:
-    """The costs of hypotheses of some recordings over `FAR_S`, by structure; plain: no physics."""
+    """The fits of hypotheses over the horizon `FAR_S`, by structure; plain: without physics."""
 
     plain: Hypothesis
     family: Family | None = None
     fitted: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
 
     def prefers(self, old: Hypothesis, new: Hypothesis) -> bool:
-        """Whether one is clearly better than another over the horizon."""
+        """Whether `old` is clearly better than `new` over the horizon."""
         return self._apart(self._fit(new), self._fit(old))
 
     def first(self, believed: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return hypotheses with the first in front that none is clearly better than."""
+        """Return hypotheses, in front the first that is not clearly worse than the best."""
         best = min(believed, key=lambda h: _cost(self._fit(h)))
         front = next(h for h in believed if h is best or not self.prefers(best, h))
         return [front, *(h for h in believed if h is not front)]
@@ -52,10 +52,9 @@ class Slower:
     def ahead_of(
         self, likely: Sequence[Hypothesis], more: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Return those of some more that are clearly better there than all that are likely.
+        """Return those of `more` that are clearly better, not fitted again, than all `likely` ones.
 
-        As they are; of them those than which the best is not clearly better, at most as many as are
-        likely.
+        Without those clearly worse than the best of `more`, and at most as many as `likely`.
         """
         seen = [(there, h) for h in more if (there := self._at(h)) is not None]
         if not likely or not seen:
@@ -72,7 +71,7 @@ class Slower:
         return _cost(worse) - _cost(better) > PURSUIT.near_rival + PURSUIT.lagging * explained
 
     def _fit(self, h: Hypothesis) -> Hypothesis | None:
-        """A hypothesis fitted a little under noise that looks so far; None where none does."""
+        """A hypothesis fitted a little with this horizon's noise; None without an observer."""
         known = self.fitted.get(h.labels)
         if known is not None and known.experiments is h.experiments:
             return known
@@ -87,7 +86,7 @@ class Slower:
         return best
 
     def _at(self, h: Hypothesis) -> Hypothesis | None:
-        """A hypothesis as it stands under that noise."""
+        """A hypothesis with this horizon's noise, not fitted; None without an observer."""
         with suppress(NoObserver), reason("longer horizon"):
             if self.family is None:
                 far, bare = as_far_as(FAR_S, h.experiments), self.plain

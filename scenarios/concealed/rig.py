@@ -74,7 +74,7 @@ class Made:
 
 
 def record(rig: Rig, steps: int = STEPS) -> Made:
-    """Return the recording of a rig; raises RunAway where the device leaves all bounds."""
+    """Return the recording of a rig; raises RunAway if the device leaves all bounds."""
     device = rig.device
     period, ticks = device.interface.period, rig.drive.wanted.size
     # One stream of random numbers for each use, so that one use more changes no other.

@@ -61,7 +61,9 @@ def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, An
     except (ValueError, TypeError, KeyError, UnicodeDecodeError) as error:
         raise SealError(f"{path.name} is not the key of a concealed recording: {error!r}") from None
     if not sealed.endswith(MARK + found):
-        raise SealError(f"{path.name} is not the key that was sealed; use the one made with it")
+        raise SealError(
+            f"{path.name} is not the key that was sealed; use the key made with the recording"
+        )
     for name, file in files.items():
         if digest(file) != expected.get(name):
             raise SealError(f"{file.name} was changed after its key was sealed; make it again")

@@ -74,7 +74,10 @@ def _with_own() -> tuple[Mapping[str, Effect], tuple[str, ...]]:
     every, wrong = dict(LIBRARY), list(WRONG)
     for name, own in OWN.items():
         if name in every or name in PROBES:
-            wrong.append(f"{own.file}: name is {name!r}, which the library has; give it another")
+            wrong.append(
+                f"{own.file}: name is {name!r}, which is an effect of the library; give it another"
+                " name"
+            )
         else:
             every[name] = own.effect
     return MappingProxyType(every), tuple(wrong)

@@ -32,6 +32,7 @@ from typing import Literal
 
 import numpy as np
 
+from zwidth.shown import Valued
 from zwidth.sim.chain import Matrices
 from zwidth.sim.following import Following
 from zwidth.sim.physics.sizes import Sizes
@@ -52,7 +53,7 @@ AtShare = Callable[[np.random.Generator, Sizes, Place, float], Values]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Valued):
     """One parameter of an effect.
 
     unit is written for a rotary device ("N m", "rad", "N m/rad", "s", ""); `unit_for` gives the
@@ -131,7 +132,7 @@ def allowed(_: Values) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effect:
+class Effect(Valued):
     """A piece of physics that a device may have.
 
     In the simulation. places: where it may enter. formula: its law in the names of its parameters,
@@ -270,7 +271,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Physics:
+class Physics(Valued):
     """One effect as a device has it: which, where, with which parameters (SI).
 
     Raises ValueError (field, value, what is allowed) for a place the effect cannot have, a missing
@@ -285,7 +286,7 @@ class Physics:
         name = self.effect.name
         if self.at not in self.effect.places:
             raise ValueError(
-                f"{name}.at is {self.at!r}; allowed is {' or '.join(self.effect.places)}"
+                f"{name}.at is {self.at!r}; it must be {' or '.join(self.effect.places)}"
             )
         known = [p.name for p in self.effect.parameters]
         for key in self.values:
@@ -297,7 +298,7 @@ class Physics:
             value = self.values[p.name]
             if not p.lower <= value <= p.upper:  # also refuses NaN
                 raise ValueError(
-                    f"{name}.{p.name} is {value:g}; allowed is {p.lower:g} to {p.upper:g}"
+                    f"{name}.{p.name} is {value:g}; it must be from {p.lower:g} to {p.upper:g}"
                 )
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 

@@ -149,8 +149,8 @@ def grid_values(
     alone = len(over) == 1
     if alone and columns:
         raise ValueError(
-            f"columns has {len(columns)} states and over only {over[0]!r}; name the state of the"
-            " columns in over, or leave them out"
+            f"columns has {len(columns)} states, but over only {over[0]!r}; add the state of the"
+            " columns to over, or leave columns out"
         )
     _check_axis("rows", rows, 2, MOST if alone else SIZE, over[0])
     if not alone:
@@ -188,19 +188,19 @@ def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
     """Raise ValueError unless a law has the right number of different, known states."""
     if len(over) not in allowed:
         many = " or ".join(("one", "two")[n - 1] for n in allowed)
-        raise ValueError(f"over has {len(over)} states; name {many} of {', '.join(STATES)}")
+        raise ValueError(f"over has {len(over)} states; give {many} of {', '.join(STATES)}")
     for state in over:
         if state not in STATES:
             raise ValueError(f"over has {state!r}; {nearest(state, STATES)}")
     if len(set(over)) < len(over):
-        alone = ", or it alone and leave columns out" if 1 in allowed else " for one of them"
-        raise ValueError(f"over names {over[0]!r} twice; name another state{alone}")
+        alone = ", or give it once and leave columns out" if 1 in allowed else " for one of them"
+        raise ValueError(f"over has {over[0]!r} twice; give another state{alone}")
 
 
 def _check_axis(name: str, states: list[float], least_of: int, most: int, over: str) -> None:
     if not least_of <= len(states) <= most:
         raise ValueError(
-            f"{name} has {len(states)} states of {over}; allowed is {least_of} to {most}"
+            f"{name} has {len(states)} states of {over}; it must have from {least_of} to {most}"
         )
     check_rising(name, over, states, "one to the next")
 
@@ -210,12 +210,16 @@ def _forces(table: ArrayLike, rows: int, width: int, alone: bool) -> Floats:
     lines = [np.atleast_1d(np.asarray(line, dtype=np.float64)) for line in list(table)]  # pyright: ignore[reportArgumentType,reportUnknownVariableType]
     if len(lines) != rows:
         raise ValueError(
-            f"table has {len(lines)} rows; allowed is {rows}, one for each state in rows"
+            f"table has {len(lines)} rows; it needs {rows}, one for each state listed in `rows`"
         )
     for i, line in enumerate(lines):
         if line.shape != (width,):
-            what = "1, since over names one state" if alone else f"{width}, one a state in columns"
-            raise ValueError(f"table[{i}] has {line.size} forces; allowed is {what}")
+            what = (
+                "1, since `over` lists one state"
+                if alone
+                else f"{width}, one for each state listed in `columns`"
+            )
+            raise ValueError(f"table[{i}] has {line.size} forces; it needs {what}")
     return np.stack(lines)
 
 

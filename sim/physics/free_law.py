@@ -91,7 +91,8 @@ def table_values(
     if period < 0.0 or (period > 0.0 and not states[-1] - states[0] < period):
         raise ValueError(
             f"period is {period:g} and table goes from {states[0]:g} to {states[-1]:g}; the points"
-            " of a periodic law cover less than one period, and the first follows the last"
+            " of a periodic law must cover less than one period, since the law starts again at the"
+            " first"
         )
     if period > 0.0 and odd:
         raise ValueError(f"period is {period:g} and odd is true; only one of them is allowed")
@@ -106,7 +107,7 @@ def table_values(
 def check_points(name: str, points: Sequence[tuple[float, float]], most: int) -> None:
     """Raise ValueError unless a table has 2 to `most` points (state, law) with rising states."""
     if not 2 <= len(points) <= most:
-        raise ValueError(f"{name} has {len(points)} points; allowed is 2 to {most}")
+        raise ValueError(f"{name} has {len(points)} points; it must have from 2 to {most}")
     check_rising(name, "state", [s for s, _ in points], "row to row")
 
 

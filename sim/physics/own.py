@@ -153,7 +153,7 @@ def translated(formula: str, states: Sequence[str], parameters: Sequence[str]) -
                 return known[name]
             case ast.Name(id=name):
                 names = ", ".join([*states, *parameters])
-                raise TableError(f"formula has {name!r}; allowed is {names}, pi")
+                raise TableError(f"formula has {name!r}; it may use {names}, pi")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return f"(-{written(operand)})"
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
@@ -178,7 +178,7 @@ def translated(formula: str, states: Sequence[str], parameters: Sequence[str]) -
         said = ast.unparse(node)
         allowed = ", ".join(n for n in FUNCTIONS if not n.startswith("_"))
         raise TableError(
-            f"formula has {said!r}; allowed is + - * / **, a if q > m else b, and {allowed}"
+            f"formula has {said!r}; it may use + - * / **, a if q > m else b, and {allowed}"
         )
 
     def power(left: ast.expr, right: ast.expr) -> str:
@@ -210,14 +210,14 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     table.only(KEYS)
     name, enters = table.text("name"), table.text("enters") if "enters" in table else "force"
     if not IDENTIFIER.match(name):
-        raise TableError(f"name is {name!r}; allowed are small letters, digits and _")
+        raise TableError(f"name is {name!r}; it must consist of small letters, digits and _")
     if enters not in HOOKS:
-        raise TableError(f"enters is {enters!r}; allowed is {', '.join(HOOKS)}")
+        raise TableError(f"enters is {enters!r}; it must be one of {', '.join(HOOKS)}")
     places = PLACES[enters]
     at = table.texts("at") if "at" in table else list(places)
     for place in at:
         if place not in places:
-            raise TableError(f"at has {place!r}; allowed is {', '.join(places)}")
+            raise TableError(f"at has {place!r}; it can have {', '.join(places)}")
     own = table.table("parameters")
     keys = list(own.values)
     for key in keys:
@@ -280,11 +280,13 @@ def _parameter(
     lower = table.number("lower") if "lower" in table else 0.0
     upper = table.number("upper") if "upper" in table else WIDEST
     if not lower < upper:
-        raise TableError(f"{table.path}.lower is {lower:g} and upper {upper:g}; lower must be less")
+        raise TableError(
+            f"{table.path}.lower is {lower:g} and upper {upper:g}; lower must be below upper"
+        )
     scales = not starts[key] and _scales(keys.index(key), keys, starts, value)
     role = table.text("role") if "role" in table else "magnitude" if scales else "shape"
     if role not in ROLES:
-        raise TableError(f"{table.path}.role is {role!r}; allowed is {', '.join(ROLES)}")
+        raise TableError(f"{table.path}.role is {role!r}; it must be one of {', '.join(ROLES)}")
     if role == "magnitude" and not scales:
         raise TableError(
             f"{table.path}.role is 'magnitude', but the law is not linear in it, or it has a start;"
@@ -406,7 +408,7 @@ def _declared() -> tuple[dict[str, OwnEffect], dict[str, dict[int, str]], tuple[
     wrong: list[str] = []
     for code, (file, text) in enumerate(own_texts(), FIRST_CODE):
         if text is None:
-            wrong.append(f"{VARIABLE} names {file}, which {UNREADABLE}")
+            wrong.append(f"{VARIABLE} lists {file}, which {UNREADABLE}")
             continue
         try:
             own, law = read_own(file, text, code)

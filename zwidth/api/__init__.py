@@ -1,1 +1,1 @@
-"""What is asked for from Python: a question a file, with the defaults of its command."""
+"""The Python functions, one question per file, with the defaults of its command."""

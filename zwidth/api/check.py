@@ -6,6 +6,7 @@ from pathlib import Path
 
 from zwidth import checking
 from zwidth.api.given import AnyDevice, AnyRecording, device_of, experiments_of, named_traces
+from zwidth.api.notebook import telling
 from zwidth.checking import Check
 
 
@@ -34,12 +35,15 @@ def check(
     traces = named_traces(recordings, joint=of_recordings)
     each = [(name, experiments_of([(name, trace)], known)) for name, trace in traces]
     if model is None:
-        return checking.check(known, each)
+        with telling(None, "checking the device") as tell:
+            return checking.check(known, each, say=tell)
     if joint is None:
         raise ValueError(
-            "model needs joint, the name of the joint that the device describes; give it"
+            "model is given without joint; give the name of the joint that the device describes"
         )
     from zwidth.model_runs import ModelRuns, named_simulator
 
     path = Path(model)
-    return checking.check(known, each, ModelRuns(known, path, joint), named_simulator(path))
+    runs, named = ModelRuns(known, path, joint), named_simulator(path)
+    with telling(None, "checking the model") as tell:
+        return checking.check(known, each, runs, named, say=tell)

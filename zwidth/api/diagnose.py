@@ -72,7 +72,9 @@ def diagnose(
         if (
             twice := next((r for r, n in columns.items() if n == name and r != role), None)
         ) is not None:
-            raise ValueError(f"{role} and {twice} are both {name!r}; name a column each")
+            raise ValueError(
+                f"{role} and {twice} are both {name!r}; give a different column for each"
+            )
     traces = named_traces(recordings, columns, joint=joint)
     judged_by = [] if validate is None else named_traces(validate, columns, "validate", joint)
 

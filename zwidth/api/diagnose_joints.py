@@ -8,6 +8,7 @@ from typing import Literal
 
 from zwidth.api.diagnose import diagnose
 from zwidth.api.given import AnyDevice
+from zwidth.api.notebook import telling
 from zwidth.diagnosis.answer.joints import JointAnswers
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed
 from zwidth.logs.assumed import joints_of
@@ -27,9 +28,9 @@ def diagnose_joints(
     recording: the path of a file with several joints, as of a robot, or a table: a data frame, a
     dict of arrays (samples,), an array (samples, signals). Joints that stand still are left out.
     device: of every joint, if they are alike. Without it each has its own, fitted. effort, say: see
-    `diagnose`.
+    `diagnose`; without say, a notebook shows one line for each joint.
 
-    A joint that cannot be diagnosed is in `left`, with the reason. Raises ValueError where fewer
+    A joint that cannot be diagnosed is in `left`, with the reason. Raises ValueError if fewer
     than two joints move, and LogError for a file that cannot be read.
     """
     if not isinstance(recording, str | PathLike) and not is_table(recording):
@@ -48,8 +49,11 @@ def diagnose_joints(
         if say is not None:
             say(f"joint {joint}")
         try:
-            with warnings.catch_warnings(action="ignore", category=UserWarning):
-                answers[joint] = diagnose(recording, device, effort=effort, joint=joint, say=say)
+            with (
+                warnings.catch_warnings(action="ignore", category=UserWarning),
+                telling(say, f"diagnosing joint {joint}") as tell,
+            ):
+                answers[joint] = diagnose(recording, device, effort=effort, joint=joint, say=tell)
         except NotDiagnosed as error:
             left[joint] = str(error)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""What a function takes for a device or a recording: the value, or where to find it."""
+"""Arguments that are a device or a recording: the value itself, or where to find it."""
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +23,7 @@ Arms = tuple[str | PathLike[str], str]
 
 
 def device_of(given: AnyDevice) -> Device:
-    """Return a device: as given, or that of a shipped name or of a device file's path.
+    """Return a device: as given, or from a shipped device's name or a device file's path.
 
     Raises DeviceError, TypeError for anything else.
     """
@@ -42,8 +42,8 @@ def trace_of(
 ) -> Trace:
     """Return a recording's trace: as given, of a run or a log, of a table, or read from a path.
 
-    columns: of a table time, command, position or velocity -> its column, where somebody named it.
-    joint: which to take, of a table or a file with several.
+    columns: for a table, time, command, position or velocity -> its column, if the caller gave it.
+    joint: which one to read, if a table or file has several.
 
     This is the only place where a given recording is read. The columns of another tool's file (a
     CSV) are recognised. Assumptions about a file, and faults in it, are given as warnings. Raises
@@ -76,7 +76,7 @@ def trace_of(
 
 
 def name_of(given: AnyRecording, place: int = 0) -> str:
-    """Return what to call a recording: its file's name, or its place among several."""
+    """Return a name for a recording: its file's name, or its number among several."""
     match given:
         case str() | PathLike():
             return Path(given).stem
@@ -92,10 +92,11 @@ def named_traces(
     argument: str = "recordings",
     joint: str | None = None,
 ) -> list[tuple[str, Trace]]:
-    """Return one recording or several, each with what to call it; columns, joint: see `trace_of`.
+    """Return one recording or several, each with a name; columns, joint: see `trace_of`.
 
-    argument: what a function calls them. Raises the errors of `trace_of`, TypeError for a value
-    that is neither a recording nor a sequence of recordings, and ValueError if none is given.
+    argument: the name of the caller's argument, for messages. Raises the errors of `trace_of`,
+    TypeError for a value that is neither a recording nor a sequence of recordings, and ValueError
+    if none is given.
     """
     single = isinstance(given, Trace | Run | Log | str | PathLike) or is_table(given)
     if not single and not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -1,9 +1,10 @@
-"""A map of what becomes of a run, over two quantities."""
+"""A map of the outcome of runs over two quantities."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 from zwidth.api.given import AnyDevice, device_of
+from zwidth.api.notebook import telling
 from zwidth.jobs.executor import Executor
 from zwidth.stability import fate_map
 from zwidth.stability.fate_map import FateMap
@@ -26,10 +27,15 @@ def make_map(
     or a device file: stiffness over damping around the linear boundary. coarse: points along each
     axis before refinement. levels: refinements; each halves the step where the outcome changes.
     folder: where an interrupted map is continued; None keeps it in memory. progress is called with
-    the share done and the number of runs. workers: threads (None: all). runner: where parts are
-    computed, see `executor`.
+    the share done and the number of runs; without it, a notebook shows these. workers: threads
+    (None: all). runner: where parts are computed, see `executor`.
 
     Raises ValueError with a sentence if an argument, or the content of the folder, does not fit.
     """
     asked = plane if isinstance(plane, Plane) else usual_plane(device_of(plane))
-    return fate_map.make_map(asked, coarse, levels, folder, progress, workers, runner)
+    with telling(None, "running the map") as tell:
+
+        def told(share: float, runs: int) -> None:
+            tell(f"{100.0 * share:.0f} %, {runs} runs")
+
+        return fate_map.make_map(asked, coarse, levels, folder, progress or told, workers, runner)

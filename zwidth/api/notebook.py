@@ -1,6 +1,7 @@
-"""Progress in a notebook: one line that is written anew, where no other way to tell it is given."""
+"""Progress in a notebook: one line that is rewritten, unless the caller gave another way."""
 
 import sys
+import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from importlib import import_module
@@ -12,7 +13,7 @@ Say = Callable[[str], None]
 
 @contextmanager
 def telling(say: Say | None, title: str) -> Generator[Say]:
-    """Yield `say`; where that is None, in Jupyter or marimo what writes a line, else silence."""
+    """Yield `say`; if None, a function that writes a line in Jupyter or marimo, else nothing."""
     if say is not None:
         yield say
     elif _in_jupyter():
@@ -22,7 +23,11 @@ def telling(say: Say | None, title: str) -> Generator[Say]:
         def line(text: str) -> None:
             handle.update({"text/plain": _words(title, text)}, raw=True, metadata=PROGRESS)
 
-        yield line
+        try:
+            yield line
+        except BaseException:
+            line("stopped")
+            raise
         line("done")
     elif _in_marimo():
         status: Any = import_module("marimo").status
@@ -33,8 +38,25 @@ def telling(say: Say | None, title: str) -> Generator[Say]:
 
 
 def shares(say: Say | None) -> Callable[[float], None] | None:
-    """Return what tells a share done by `say`."""
+    """Return a function that reports a share done by `say`."""
     return None if say is None or say is _silent else lambda share: say(f"{100.0 * share:.0f} %")
+
+
+def counted(say: Say, total: int) -> Callable[..., None]:
+    """Return a function to call after each of `total` steps, from any thread.
+
+    It reports the share done, and the name of the step if it is called with one.
+    """
+    lock, done = threading.Lock(), 0
+
+    def step(name: str = "") -> None:
+        nonlocal done
+        with lock:
+            done = min(done + 1, total)
+            share = f"{100.0 * done / total:.0f} %"
+            say(f"{share}, {name}" if name else share)
+
+    return step
 
 
 def _silent(_: str) -> None:

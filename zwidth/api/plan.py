@@ -1,4 +1,4 @@
-"""What a recording would show, and the commands to record."""
+"""What a planned recording would show, and the commands to record."""
 
 from collections.abc import Callable
 
@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.api.given import AnyDevice, device_of
+from zwidth.api.notebook import counted, telling
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.planning import excitations
 from zwidth.planning import plan as planned
 from zwidth.planning.asked import check_length, usual_noise
 from zwidth.planning.excitations import Scale, scale_for
-from zwidth.planning.plan import Plan, better_excitations
+from zwidth.planning.plan import Plan, better_excitations, most_steps
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.device import Device
 
@@ -65,7 +66,7 @@ def plan(
     `excitation`, or a command of your own (ticks,). seconds: its length. noise: rms of a measured
     position [rad | m], by default the rounding to an encoder step. process_noise: random force at
     m1 [N m | N], by default 0.2 % of the largest command. level, travel, seed: see `excitation`.
-    advance: called with what is done.
+    advance: called with what is done; without it, a notebook shows the share done.
 
     Raises ValueError with a sentence, also if the device has no encoder step and noise is None.
     """
@@ -76,11 +77,13 @@ def plan(
     scale = scale_for(known, level=level, travel=travel)
     seen = usual_noise(known, scale, noise, process_noise)
     name, command = _command(known, excitation, seconds, scale, seed)
-    rehearsed = rehearse(known, command, seen, seed=seed, name=name)
-    try:
-        return _planned(known, rehearsed, seen, scale, seed, advance or _silent)
-    except NoObserver as error:
-        raise ValueError(f"{known.name} cannot be observed: {error}") from error
+    with telling(None, "planning the recording") as tell:
+        advance = advance or counted(tell, most_steps(known))
+        rehearsed = rehearse(known, command, seen, seed=seed, name=name)
+        try:
+            return _planned(known, rehearsed, seen, scale, seed, advance)
+        except NoObserver as error:
+            raise ValueError(f"{known.name} cannot be observed: {error}") from error
 
 
 def _planned(
@@ -101,7 +104,3 @@ def _command(
     if isinstance(asked, str):
         return asked, excitations.excitation(asked, device, seconds, scale, seed)
     return "own command", np.ascontiguousarray(asked, dtype=np.float64)
-
-
-def _silent(_: str) -> None:
-    """Say nothing."""

@@ -78,23 +78,22 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
               help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Integration steps per sample. Default: 1 where that is exact, else"
+              help="Integration steps per sample. Default: 1 if that is exact, else"
               " 10.")  # fmt: skip
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
               help="Longest simulated time of one run.")  # fmt: skip
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
               show_default=True, help="passivity also shows the stiffest passive wall"
               " (Colgate and Schenkel, with the delay).")  # fmt: skip
-@click.option("--felt", is_flag=True, help="Also find the K above which a hand feels dither"
-              " (an oscillation that only the steps of encoder and command sustain). The search"
-              " begins at"
-              " 1 % of the stiffest K.")  # fmt: skip
+@click.option("--felt", is_flag=True, help="Also find the K above which a hand feels dither (an"
+              " oscillation that only the steps of encoder and command sustain). The search begins"
+              " at 1 % of the stiffest stable K.")  # fmt: skip
 @click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
               show_default=True, help="Smallest force of dither that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
               " the skin; for a rotary device, only with --lever.")  # fmt: skip
-@click.option("--hand", is_flag=True, help="Also show the band of K_CR when a finger holds the last"
+@click.option("--hand", is_flag=True, help="Also show the band of K_CR if a finger holds the last"
               " mass.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
@@ -213,8 +212,8 @@ def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
     for damping in dampings:
         if damping > most:
             raise ValueError(
-                f"--damping is {damping:g}; allowed is up to {most:.3g} {unit}, {ABSURD:g} times"
-                " what stops all masses within one period: give less"
+                f"--damping is {damping:g}; it must be at most {most:.3g} {unit}, which is"
+                f" {ABSURD:g} times what stops all masses within one period"
             )
 
 
@@ -233,7 +232,9 @@ def _say_short_start(console: Console, device: Device, trial: Trial) -> None:
 def _lever(device: Device, hand: bool, lever: float | None) -> float | None:
     """Where a hand holds the device, None for no hand."""
     if lever is not None and not hand:
-        raise ValueError("--lever says where a hand holds the device; add --hand or --hands")
+        raise ValueError(
+            "--lever is the distance at which a hand holds the device; add --hand or --hands"
+        )
     if hand and device.rotary and lever is None:
         raise ValueError(
             "--hand or --hands on a rotary device needs --lever, the hand's distance from the axis"

@@ -20,18 +20,20 @@ if TYPE_CHECKING:
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True,
                 type=click.Path(path_type=Path))  # fmt: skip
 @click.option("--junit", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write the result as JUnit XML, a test case for each LOG.")  # fmt: skip
+              help="Also write the result as JUnit XML, with a test case for each"
+              " LOG.")  # fmt: skip
 @click.option("--model", metavar="FILE", type=click.Path(path_type=Path),
-              help="Check this MJCF or URDF model of the robot, run by MuJoCo, instead of DEVICE,"
-              " against the band of DEVICE.")  # fmt: skip
+              help="MJCF or URDF model to check instead of DEVICE. MuJoCo runs it; its errors are"
+              " compared with the band of DEVICE.")  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
               help="The joint to check, if a LOG has several; also that of --model.")  # fmt: skip
 @click.option("--diagnose", "search", is_flag=True,
               help="If a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
               " does; this takes minutes.")  # fmt: skip
 @click.option("--rebase", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
-              help="Instead of checking, measure the errors of free runs on LOG, and write DEVICE"
-              " to FILE with these as its band. For a --model with larger errors.")  # fmt: skip
+              help="Do not check: measure the errors of free runs on LOG, and write DEVICE to FILE"
+              " with these errors as its band. Useful for a --model with larger"
+              " errors.")  # fmt: skip
 @out_option("runs")
 @force_option
 @json_option

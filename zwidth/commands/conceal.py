@@ -15,10 +15,10 @@ CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 
 @click.command("conceal", epilog=f"Classes: {CLASSES}.")
 @click.option("--count", type=click.IntRange(1),
-              help="Number of recordings with effects near the detection limit, over all"
-              " classes. Default: 200 if no other option asks for any.")  # fmt: skip
+              help="Number of recordings with effects near the detection limit, in all classes"
+              " together. Default: 200 if no other option asks for recordings.")  # fmt: skip
 @click.option("--strata", metavar="NAME=N,...",
-              help="Number per class instead, as none=100,single_2x=50.")  # fmt: skip
+              help="Number for each class instead, such as none=100,single_2x=50.")  # fmt: skip
 @click.option("--rigs", type=click.IntRange(0), default=0,
               help="Number of rigs: machines with several effects at full size.")  # fmt: skip
 @click.option("--outside", type=click.IntRange(0), default=0,

@@ -40,7 +40,9 @@ def command(source: Path, target: Path | None, other: Path | None, json_file: st
     """
     console = Console(json_file)
     if target is not None and other is not None:
-        raise click.UsageError(f"the target is given twice, {target} and --out {other}; give one")
+        raise click.UsageError(
+            f"the target is given twice, {target} and --out {other}; give it once"
+        )
     target = target or other
     if target is None:
         _show(console, source)
@@ -103,7 +105,7 @@ def _warnings(log: Log) -> list[str]:
 def _draft(console: Console, source: Path, target: Path) -> None:
     found = _foreign(source)
     if found is None:
-        raise RecordingError(f"{source} needs no TOML, zwidth can read it as it is")
+        raise RecordingError(f"{source} needs no TOML; zwidth can read it as it is")
     console.will_write(target)
     text = draft(found, look(found))
     console.say(f"wrote {write_text(target, text)}; check every line of it")

@@ -67,7 +67,8 @@ def command(
     servo = model is not None and model.suffix.lower() == ".json"
     if (model is None or servo) != (joint is None):
         raise click.UsageError(
-            "--from and --joint go together, but for a JSON of BAM; give the model and its joint"
+            "--from and --joint must be given together, except for a JSON file of BAM; give the"
+            " model and its joint"
         )
     if template is not None:
         if device is not None or passive or model is not None:
@@ -85,7 +86,7 @@ def command(
     elif device is not None:
         _describe(console, load_device(device), passive, save, {})
     elif passive or save:
-        raise click.UsageError("--passive and --out need a DEVICE, give its name or file")
+        raise click.UsageError("--passive and --out need a DEVICE; give its name or file")
     else:
         _list(console)
 

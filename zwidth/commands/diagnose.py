@@ -21,9 +21,8 @@ ALL_JOINTS = "all"
 )
 @click.option(
     "--device", "name", metavar="DEVICE",
-    help="Device file or the name of a shipped device. Without it a device with one to three"
-    " masses is"
-    " fitted to the recording.",
+    help="Device file or the name of a shipped device. Without it, a device with one to three"
+    " masses is fitted to the recording.",
 )  # fmt: skip
 @click.option(
     "--validate",
@@ -37,7 +36,7 @@ ALL_JOINTS = "all"
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="How much to try. quick finds three effects at most, and tries neither play nor learned"
+    help="How much to try. quick finds at most three effects, and tries neither play nor learned"
     " laws of two quantities.",
 )
 @click.option(
@@ -53,8 +52,9 @@ ALL_JOINTS = "all"
     " searched for.",
 )  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to diagnose, in a recording with several or in MODEL. all: every"
-              " joint that moves in the recording, one by one, with a table.")  # fmt: skip
+              help="The joint to diagnose, if the recording has several; also that of MODEL. all:"
+              " diagnose every joint that moves in the recording, one by one, and print a"
+              " table.")  # fmt: skip
 @click.option(
     "--processes", type=click.IntRange(1), help="For a fleet: number of parallel processes."
 )
@@ -109,8 +109,8 @@ def command(
         return
     if processes is not None or cluster is not None:
         raise ValueError(
-            "--processes and --cluster are for a fleet, a folder or a table of recordings; leave"
-            " them out, or give one"
+            "--processes and --cluster are for a fleet (a folder or a table of recordings); leave"
+            " them out, or give a fleet"
         )
     if joint == ALL_JOINTS and model is None:
         _refuse_beside_all_joints(recordings, validate)

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
-from textwrap import indent
+from shutil import get_terminal_size
+from textwrap import fill, indent
 from typing import Any
 
 import click
@@ -24,6 +25,8 @@ from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.own import IDENTIFIER, OWN
 
 NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
+INTERNAL = ("`sim/kernel.py`", "`taken_over`", "energy ledger")
+SOURCE = re.compile(r" \(`sim/\w+\.py`\)")
 LETTERS = (
     "in it, q is the position (of a link: its deflection), v the velocity, u the command and f"
     " the force on the mass or link"
@@ -73,7 +76,7 @@ def command(
     if effect.formula:
         console.say(f"{indent(formula(effect), '    ')}\n\n{LETTERS}\n")
     joined = re.sub(r"(?<=\S)\n(?=\S)", " ", law(effect))  # a terminal wraps it anew
-    console.say(f"{joined}\n")
+    console.say(f"{_narrow(joined) if console.stream.isatty() else joined}\n")
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
         columns += [Column("to"), Column("what it is", False)]
@@ -102,7 +105,8 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         raise click.UsageError("--learned needs NAME, the name of the new effect")
     if name in LIBRARY or not IDENTIFIER.match(name):
         raise ValueError(
-            f"NAME is {name!r}; allowed are small letters, digits and _, and no name of the library"
+            f"NAME is {name!r}; it must consist of small letters, digits and _, and not be the name"
+            " of an effect of the library"
         )
     try:
         result = json.loads(reading(file).read_text(encoding="utf-8"))
@@ -136,7 +140,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
 
 
 def _effect_of(name: str, learned: Mapping[str, Any], said: str) -> str:
-    """The file of an effect that has the likeliest formula of what was learned."""
+    """The file of an effect with the most likely formula of a learned law."""
     best = learned["formulas"][0]
     if "factors" not in best:
         return effect_text(name, learned["effect"], best["form"], best["numbers"], said)
@@ -174,7 +178,42 @@ def law(effect: Effect) -> str:
     if effect.name in OWN:
         own = OWN[effect.name]
         return f"{own.formula}\n\nAn effect of your own, declared in {own.file}."
-    return inspect.cleandoc(import_module(f"zwidth.sim.physics.{effect.name}").__doc__ or "")
+    written = import_module(f"zwidth.sim.physics.{effect.name}").__doc__ or ""
+    return _for_users(inspect.cleandoc(written))
+
+
+def _for_users(text: str) -> str:
+    """Leave out of a file's text what only concerns its code: sentences about the kernel.
+
+    A formula that such a sentence announces goes with it, and so does a file named in brackets.
+    """
+    kept: list[str] = []
+    announced = False
+    for paragraph in text.split("\n\n"):
+        if paragraph.startswith(" "):
+            kept += [] if announced else [paragraph]
+            announced = False
+            continue
+        sentences = re.split(r"(?<=[.])\s(?=[A-Z])", paragraph)
+        plain = [s for s in sentences if not any(word in s for word in INTERNAL)]
+        announced = plain != sentences and not paragraph.rstrip().endswith((".", ":"))
+        said = SOURCE.sub("", " ".join(plain))
+        if plain:
+            kept.append(said if said == paragraph else fill(said, 100, break_on_hyphens=False))
+    return "\n\n".join(kept)
+
+
+def _narrow(text: str) -> str:
+    """Wrap the indented lines of a text that are wider than the terminal, indented further."""
+    width = get_terminal_size().columns
+    lines: list[str] = []
+    for line in text.split("\n"):
+        lead = " " * (len(line) - len(line.lstrip()))
+        if lead and len(line) > width:
+            further = f"{lead}    "
+            line = fill(line.strip(), width, initial_indent=lead, subsequent_indent=further)
+        lines.append(line)
+    return "\n".join(lines)
 
 
 def places(effect: Effect) -> str:

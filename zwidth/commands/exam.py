@@ -26,11 +26,16 @@ PICTURES = ("confusion", "magnitude", "reliability")
 @click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--count", type=click.IntRange(1),
               help="First make this many recordings in DIR, as 'zwidth conceal' does.")  # fmt: skip
-@click.option("--strata", metavar="NAME=N,...", help="First make this many of each class.")
+@click.option(
+    "--strata",
+    metavar="NAME=N,...",
+    help="First make this many recordings of each class, such as none=100,single_2x=50.",
+)
 @click.option("--rigs", type=click.IntRange(0), default=0,
               help="First make this many rigs: machines with several effects.")  # fmt: skip
 @click.option("--outside", type=click.IntRange(0), default=0,
-              help="First make this many with a law that is not in the library.")  # fmt: skip
+              help="First make this many recordings with a law that is not in the"
+              " library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")
 @click.option(
     "--seconds",
@@ -69,8 +74,8 @@ def command(
     making = count is not None or strata is not None or rigs > 0 or outside > 0
     if not making and (seed is not None or seconds is not None):
         raise ValueError(
-            "--seed and --seconds say how to make recordings; add --count, --strata, --rigs or"
-            " --outside"
+            "--seed and --seconds apply only to recordings made first; add --count, --strata,"
+            " --rigs or --outside"
         )
     for name in names(folder):  # finished, so they are not made again
         for file in all_files(folder, name):

@@ -20,8 +20,8 @@ PORT = 5006
 @click.command("explore")
 @device_argument()
 @click.option("--compare", multiple=True, metavar="DEVICE2",
-              help="A second device to switch to on the page, for example NAME.augmented.toml"
-              " of zwidth diagnose; may be repeated.")  # fmt: skip
+              help="A second device to switch to on the page, for example NAME.augmented.toml of"
+              " 'zwidth diagnose'; may be repeated.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
               help="Recording to draw beside every run; a file dropped on the page works"
               " too.")  # fmt: skip
@@ -40,15 +40,15 @@ def command(
 ) -> None:  # fmt: skip
     """Explore the K-B plane of a device in the browser.
 
-    DEVICE is a shipped device, a device file, or a recording such as a CSV. To a recording a device
-    is fitted, and the recording is drawn beside every run. Sliders change encoder, amplifier,
-    delay, friction and start. A click on the plane simulates that wall; its run can be saved as a
-    log or a scenario. The address of the page holds all settings. Ctrl-C ends it.
+    DEVICE is a shipped device, a device file, or a recording such as a CSV. If you give a
+    recording, a device is fitted to it, and it is drawn beside every run. Sliders change encoder,
+    amplifier, delay, friction and start. A click on the plane simulates that wall; its run can be
+    saved as a log or a scenario. The address of the page holds all settings. Ctrl-C ends it.
     """
     console = Console()
     if find_spec("bokeh") is None:
         raise ValueError(
-            "explore needs Bokeh, which is not installed; pip install 'zwidth[explore]' brings it"
+            "explore needs Bokeh, which is not installed; run: pip install 'zwidth[explore]'"
         )
     if _is_data(device):
         recording = recording or Path(device)
@@ -78,7 +78,7 @@ def command(
                 prepare()
                 advance(1, now=what)
         if address != LOCAL:
-            console.warn(f"whoever reaches {url} may use it; there is no password")
+            console.warn(f"anyone who can reach {url} may use it; there is no password")
         server.start()
         console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
         HEART.stop()  # from here on it waits for the browser
@@ -108,6 +108,7 @@ def _taken(console: Console, path: Path) -> Trace:
         console.note(f"  {line}")
     if said:
         console.note(
-            f"'zwidth diagnose {path}' writes how it is read, and a device, as files to edit"
+            f"'zwidth diagnose {path}' writes two files that you can edit: how {path.name} is read,"
+            " and a device"
         )
     return trace

@@ -40,13 +40,15 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
               help="The file to write.")  # fmt: skip
 @click.option("--name", help="Prefix of the names in the file. Default: the name of FILE.")
 @click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
-              help="Length of the run by which the error is measured.")  # fmt: skip
+              help="Length of the run in which the error is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
-              help="Seed of random events (lost samples), and of draws.")  # fmt: skip
+              help="Seed of random events (lost samples) and of the draws of"
+              " --randomise.")  # fmt: skip
 @click.option("--randomise", type=click.IntRange(1, 100_000), metavar="N",
-              help="Also write N joint draws of the file's numbers.")  # fmt: skip
+              help="Also write N joint random draws of the file's numbers, for"
+              " training.")  # fmt: skip
 @click.option("draws_file", "--draws", metavar="FILE", type=click.Path(dir_okay=False,
-              path_type=Path), help="Where to write them: .json, .npz or .csv. Default:"
+              path_type=Path), help="File of the draws: .json, .npz or .csv. Default:"
               " OUT.draws.json.")  # fmt: skip
 @force_option
 @json_option
@@ -75,15 +77,15 @@ def command(
     newton    a body, a joint and a NewtonActuator, as USD
     bam       a JSON of Better Actuator Models, m1, m2 or m5
 
-    What the format cannot hold is printed and written at the head of FILE. Where FILE can be run,
-    the error is measured by the same command through both.
+    What the format cannot hold is printed and written at the head of FILE. If FILE can be
+    run here, DEVICE and FILE follow the same command, and the rms error between them is printed.
     """  # noqa: D301 (\b is click's mark of lines to be kept)
     console = Console(json_file)
     given = load_device(device)
     if randomise is not None and to not in WITH_FIELDS:
         raise click.BadParameter(
-            f"{to} has masses and springs worked into its constants, so nothing of it can be drawn;"
-            f" --randomise goes with --to {', '.join(WITH_FIELDS)}",
+            f"{to} has masses and springs worked into its constants, so none of them can be drawn;"
+            f" --randomise can be used with --to {', '.join(WITH_FIELDS)}",
             param_hint="--randomise",
         )
     drawn = draws_file or out.with_suffix(".draws.json")
@@ -92,7 +94,8 @@ def command(
                                  param_hint="--draws")  # fmt: skip
     if drawn.suffix.lower() not in SUFFIXES:
         raise click.BadParameter(
-            f"{drawn} ends in {drawn.suffix or 'nothing'}; allowed is {', '.join(SUFFIXES)}",
+            f"{drawn} ends in {drawn.suffix or 'nothing'}; it must end in one of"
+            f" {', '.join(SUFFIXES)}",
             param_hint="--draws",
         )
     console.will_write(out, *([] if randomise is None else [drawn]))

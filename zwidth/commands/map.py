@@ -52,9 +52,9 @@ FIXED_BY: dict[Quantities, str] = {
     help="Space the values of this axis logarithmically.",
 )
 @click.option("--stiffness", type=Quantity("N m/rad | N/m", above=True), default=10.0,
-              show_default=True, help="K, where it is not an axis.")  # fmt: skip
+              show_default=True, help="K, if it is not an axis.")  # fmt: skip
 @click.option("--damping", type=Quantity("N m s/rad | N s/m"), default=0.0, show_default=True,
-              help="B, where it is not an axis.")  # fmt: skip
+              help="B, if it is not an axis.")  # fmt: skip
 @click.option("--delay-ms", type=Quantity("ms"), help="Loop delay. Default: the device's.")
 @click.option(
     "--encoder-step", type=Quantity("rad | m"), help="Encoder step. Default: the device's."
@@ -66,9 +66,9 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("--cutoff-hz", type=Quantity("Hz", above=True),
               help="Cut-off of the velocity filter. Default: the device's.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
-              help="Start amplitude, where it is not an axis.")  # fmt: skip
+              help="Start amplitude, if it is not an axis.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=4.0, show_default=True,
-              help="Length of a run; up to four times as long where the outcome is"
+              help="Length of a run; up to four times as long if the outcome is"
               " unclear.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Integration steps per sample. Default: 10 with friction, else 1.")  # fmt: skip
@@ -81,12 +81,13 @@ FIXED_BY: dict[Quantities, str] = {
               " vibration on the skin; for a rotary device, only with --lever.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
-@click.option("--one-sided", is_flag=True, help="The wall only pushes.")
+@click.option("--one-sided", is_flag=True, help="Make the wall one-sided: it only pushes.")
 @law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
               help="Points along each axis before refinement.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
-              help="Refinements; each halves the step where the outcome changes.")  # fmt: skip
+              help="Number of refinements; each halves the step where the outcome"
+              " changes.")  # fmt: skip
 @estimator_option
 @cluster_option
 @out_option("runs/map")
@@ -113,7 +114,7 @@ def command(
     say_without_theory(console, plane.device)
     console.will_write(out / "map.nc", *picture_files(out / "map"))
     announce(console)
-    with executor(cluster) as runner, progress("mapping, percent", 100) as advance:
+    with executor(cluster) as runner, progress("percent mapped", 100) as advance:
         shown = 0
 
         def report(share: float, runs: int) -> None:

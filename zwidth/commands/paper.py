@@ -22,10 +22,10 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 @out_option("runs/paper")
 @force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:
-    """Compute the paper's figures and tables again, ours beside theirs, as one HTML report.
+    """Recompute the figures and tables of the paper on virtual walls, beside the published ones.
 
-    The diagrams (Fig. 4, 5, 9) are not drawn. Writes DIR/report.html, which holds every picture,
-    and each picture as PNG and SVG.
+    docs/paper.md describes the paper, whose diagrams (Fig. 4, 5, 9) are not drawn. Writes one HTML
+    report, DIR/report.html, which holds every picture, and each picture as PNG and SVG.
     """
     console = Console()
     console.will_write(out / "report.html")

@@ -19,14 +19,14 @@ from zwidth.options import Quantity, device_argument, force_option, json_option,
 from zwidth.planning.asked import check_length, usual_noise
 from zwidth.planning.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
 from zwidth.planning.limits import SHOWN
-from zwidth.planning.plan import ALIKE, Plan, Visible, better_excitations, plan
+from zwidth.planning.plan import ALIKE, Plan, Visible, better_excitations, most_steps, plan
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS
-from zwidth.sim.place import of_label, place_at
+from zwidth.sim.place import of_label
 from zwidth.sim.readable import with_unit
 from zwidth.sim.run import simulate
 
@@ -74,7 +74,7 @@ def command(
 
     Lists the smallest size of each effect that the recording would detect with five sigma, after
     the known parameters are refitted; then the pairs of effects that it could not tell apart, and
-    the excitation that would. Writes a picture, and each excitation as a scenario to play.
+    an excitation that can. Writes a picture, and each excitation as a scenario to play.
     """
     console = Console(json_file)
     device = load_device(name)
@@ -91,7 +91,7 @@ def command(
     console.will_write(*pictures, *played_files)
     plans: list[Plan] = []
     files: list[Path] = []
-    with progress("planning", len(names) * (_places(device) + len(LIBRARY))) as advance:
+    with progress("planning", len(names) * most_steps(device)) as advance:
         for stem, played in commands.items():
             told = partial(_tell, advance, stem)
             rehearsed = rehearse(device, played, seen, seed=seed, name=stem)
@@ -105,9 +105,8 @@ def command(
         _say_pairs(console, found)
         title = f"{device.name}: {found.excitation}, {found.seconds:g} s"
         files += save_figure(plan_figure(found, title), out / f"{found.excitation}_plan")
-        files.append(
-            save_scenario(device, commands[found.excitation], out / f"{found.excitation}.toml")
-        )
+        played = save_scenario(device, commands[found.excitation], out / f"{found.excitation}.toml")
+        files += [played, played.with_suffix(".npy")]
     for path in files:
         console.say(f"wrote {path}")
     console.result(
@@ -123,12 +122,6 @@ def command(
             "files": [str(path) for path in files],
         }
     )
-
-
-def _places(device: Device) -> int:
-    """Return at how many places of a device an effect may be, all effects together."""
-    every = (place_at(at) for effect in EFFECTS.values() for at in effect.places)
-    return sum(place.masses_needed <= device.chain.masses.size for place in every)
 
 
 def _tell(advance: Advance, stem: str, now: str) -> None:
@@ -148,8 +141,8 @@ def _command(name: str, device: Device, seconds: float, scale: Scale, seed: int)
     own, period = scenario.device.interface.period, device.interface.period
     if own != period:
         raise ValueError(
-            f"{name} plays at a period of {own:g} s, {device.name} at {period:g} s; set period_s in"
-            " one of them"
+            f"{name} has a period of {own:g} s, {device.name} at {period:g} s; set period_s in one"
+            " of them"
         )
     if scenario.controller.kind == recorded(np.zeros(1)).kind:
         return scenario.controller.parameters[: scenario.ticks].copy()

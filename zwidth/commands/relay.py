@@ -27,7 +27,7 @@ from zwidth.sim.run import Start
 from zwidth.stability.linear import known_boundary
 
 SHOWN_S = 0.4
-LISTED = 2  # cycles beside the likeliest
+LISTED = 2  # cycles besides the most frequent
 NONE = "-"
 
 
@@ -45,7 +45,7 @@ NONE = "-"
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of the random starts.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Integration steps per sample. Default: 1 where that is exact, else"
+              help="Integration steps per sample. Default: 1 if that is exact, else"
               " 10.")  # fmt: skip
 @estimator_option
 @out_option("runs/relay")

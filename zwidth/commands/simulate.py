@@ -82,8 +82,8 @@ def command(
     felt = Perception(FORCE if felt_force is None else felt_force, felt_position, lever)
     if felt != Perception() and described.controller.kind not in WALLS:
         raise ValueError(
-            "--felt-force, --felt-position and --lever say what is felt at a wall; controller.kind"
-            f" is {described.controller.kind!r}: leave them out"
+            "--felt-force, --felt-position and --lever apply only to a wall; controller.kind is"
+            f" {described.controller.kind!r}: leave them out"
         )
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
     console.will_write(log, picture)

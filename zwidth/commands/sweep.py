@@ -82,7 +82,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     announce(console)
     limit = max(options["limit_s"], 4.0)
     trial = Trial(options["start"], limit_s=limit, substeps=usual_substeps(device))
-    with progress("sweeping, percent", 100) as advance:
+    with progress("percent swept", 100) as advance:
         shown = 0
 
         def report(done: int, total: int) -> None:

@@ -39,9 +39,8 @@ GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what 
 @click.argument("log", metavar="FILE|-", type=click.Path(path_type=Path, allow_dash=True))
 @click.option(
     "--device", "name", metavar="DEVICE",
-    help="Device file or the name of a shipped device. Without it a device with one to three"
-    " masses is"
-    " fitted to the recording.",
+    help="Device file or the name of a shipped device. Without it, a device with one to three"
+    " masses is fitted to the recording.",
 )  # fmt: skip
 @click.option(
     "--idle", type=Quantity("s", above=True),
@@ -62,7 +61,7 @@ GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what 
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="Effort of the final diagnosis; searches on the way are quick ones.",
+    help="Effort of the final diagnosis; searches before it are always quick.",
 )
 @out_option("runs")
 @force_option

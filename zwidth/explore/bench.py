@@ -1,4 +1,4 @@
-"""What stands on the bench: the devices, and what a view asks of them. No browser in here."""
+"""The devices of the page, and the results that a view needs of them, without the browser."""
 
 import math
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits
 class Line:
     """The linear boundary: B, K_CR and ultimate frequency [Hz], each (n,); NaN where none.
 
-    without: the estimator of velocity that linear theory does not take, "" where it takes it.
+    without: the estimator of velocity that linear theory does not take, "" if it takes it.
     """
 
     damping: Floats
@@ -47,7 +47,7 @@ class Line:
         return float(np.nanmax(self.stiffness)) if np.isfinite(self.stiffness).any() else None
 
     def at(self, damping: float) -> tuple[float, float] | None:
-        """Return (K_CR, frequency) at a damping between its ends, None where no K is stable."""
+        """Return (K_CR, frequency) at a damping between its ends, None if no K is stable."""
         k = float(np.interp(damping, self.damping, self.stiffness, right=math.nan))
         if not k > 0.0:
             return None

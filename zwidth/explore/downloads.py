@@ -58,5 +58,5 @@ def _scenario(bench: Bench, query: str) -> Scenario:
     if complaints:
         raise ValueError(complaints[0])
     if view.stiffness is None or view.damping is None:
-        raise ValueError("the address names no wall; add K and B")
+        raise ValueError("the address gives no wall; add K and B")
     return bench.scenario(view)

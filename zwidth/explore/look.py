@@ -80,7 +80,7 @@ def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
     """Return the amplitude spectrum of the position: frequency [Hz], amplitude.
 
     A sine of amplitude a has a line of height a (Hann window, mean removed). Samples that are not
-    evenly spaced are interpolated first. Empty where there are too few.
+    evenly spaced are interpolated first. Empty if there are too few.
     """
     known = np.isfinite(drawn["position"])
     t, position = drawn["t"][known], drawn["position"][known]

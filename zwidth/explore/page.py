@@ -24,7 +24,10 @@ from zwidth.stability.fate_map import units_of
 from zwidth.stability.linear import has_theory
 
 # Style sheets are text: as models they could be in one page only.
-NARROW = ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }"
+NARROW = (
+    ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; overflow-wrap: anywhere;"
+    " box-sizing: border-box; padding-right: 10px; }"
+)
 # Below these widths the four columns stand two by two, and then one under the other.
 TABLET = "@media (max-width: 1260px) {{ :host {{ {} }} }}"
 PHONE = "@media (max-width: 760px) {{ :host {{ {} }} }}"
@@ -78,9 +81,10 @@ class Page:
         self.controls = Controls(bench, view, user)
         self.address = Address(query=view.query())
         self.address.js_on_change("query", CustomJS(code=WRITE_ADDRESS))
-        self.title, self.tour, self.trouble, self.besides, self.whose = (
-            _said(name) for name in ("title", "tour", "trouble", "besides", "whose")
+        self.title, self.tour, self.trouble, self.read, self.besides, self.whose = (
+            _said(name) for name in ("title", "tour", "trouble", "read", "besides", "whose")
         )
+        self.read.visible = False
         self.trouble.html_attributes = {"role": "alert"}
         self.saves, self.progress, self.wall = (
             HTML(name=n, html="") for n in ("saves", "progress", "wall")
@@ -116,7 +120,7 @@ class Page:
             _column(0.8, 250, self.whose, *more, order=3),
         ]
         body = Row(children=columns, sizing_mode="stretch_both", spacing=4, stylesheets=[WRAPS])
-        top: list[UIElement] = [self.title, self.tour, self.trouble, body]
+        top: list[UIElement] = [self.title, self.tour, self.trouble, self.read, body]
         return Column(children=top, sizing_mode="stretch_both", min_height=560, stylesheets=[FLOWS])
 
     def put_on(self, document: Document) -> None:
@@ -159,8 +163,10 @@ class Page:
         """Say what the plane shows and how far it is."""
         self.progress.html = f'<span style="color:#444">{escape(text)}</span>'
 
-    def say_recording(self, names: Sequence[str], trace: Trace) -> None:
-        """Say which recording lies beside the run."""
+    def say_recording(self, names: Sequence[str], trace: Trace, read: Sequence[str] = ()) -> None:
+        """Say which recording lies beside the run. read: which column and unit is what."""
+        said = f"{', '.join(names)} is read as {'; '.join(read)}" if read else ""
+        self.read.update(text=escape(said), visible=bool(said))
         seconds = float(trace.t[-1] - trace.t[0])
         self.controls.files.title = f"Beside: {', '.join(names)}, {seconds:.3g} s"
         self.controls.recording_from.visible = True

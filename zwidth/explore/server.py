@@ -38,8 +38,8 @@ def listen(bench: Bench, address: str = LOCAL, port: int = 0) -> Listening:
     """
     if address in ANY:
         raise ValueError(
-            f"--address {address or repr(address)} names no host; give the name or number by which"
-            " others reach this machine"
+            f"--address {address or repr(address)} is not a usable address; give the host name or"
+            " IP address by which others reach this machine"
         )
     try:
         sockets, port = bind_sockets(address, port)
@@ -80,6 +80,9 @@ def _why(error: OSError, address: str, port: int) -> str:
     if error.errno == errno.EADDRINUSE:
         return f"port {port} is in use; give another with --port, or 0 for any that is free"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"port {port} is not allowed to you; give one from 1024 on with --port"
+        return (
+            f"port {port} needs rights that you do not have; give a port of 1024 or above with"
+            " --port"
+        )
     reason = (error.strerror or str(error)).lower()
     return f"--address {address} cannot be listened on ({reason}); give one of this machine's own"

@@ -97,12 +97,13 @@ class Session:
     def take(self, names: list[str], contents: list[str]) -> None:
         """Lay a recording beside the run."""
         try:
-            self.recording, assumed = read_dropped(names, contents)
+            self.recording, said = read_dropped(names, contents)
         except (ValueError, OSError) as error:
             self.page.complain(str(error))
             return
-        self.page.complain("; ".join(line for line in assumed if line.startswith("assumed")))
-        self.page.say_recording(names, self.recording)
+        assumed = [line for line in said if line.startswith("assumed")]
+        self.page.complain("; ".join(assumed))
+        self.page.say_recording(names, self.recording, [s for s in said if s not in assumed])
         self._show_recording()
         self._ask_for_run()
 

@@ -17,6 +17,7 @@ TITLES = {
     "friction": "Friction at m1",
     "start": "Start amplitude",
 }
+WRAPPED = ".bk-slider-title { white-space: normal; overflow-wrap: anywhere; }"
 MOST_DELAY = 10  # ticks, in tenths
 
 
@@ -47,7 +48,7 @@ def kinds(plane: Plane) -> dict[str, Kind]:
 class Sliders:
     """The widgets; `moved(name, value)` is called when the user moves one.
 
-    The value is None where the slider stands at what the device has itself.
+    The value is None if the slider stands at what the device has itself.
     """
 
     def __init__(self, plane: Plane, moved: Callable[[str, float | None], None]) -> None:
@@ -59,7 +60,7 @@ class Sliders:
         for name, title in TITLES.items():
             slider = CategoricalSlider(
                 categories=["none", "-"], value="none", title=title, name=name,
-                sizing_mode="stretch_width", tooltips=False,
+                sizing_mode="stretch_width", tooltips=False, stylesheets=[WRAPPED],
             )  # fmt: skip
             slider.on_change("value", lambda _a, _o, text, n=name: self._on_value(n, text))
             self.widgets[name] = slider

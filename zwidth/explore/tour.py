@@ -44,7 +44,7 @@ def steps(bench: Bench) -> tuple[Step, ...]:
              " grows, near the frequency of linear theory (dashed in the spectrum)."),
         Step("a coarse encoder", coarse, "The first wall again, with an encoder step of a tenth of"
              " the start. Compare the colours below the black line with those of the first step:"
-             " linear theory does not know of the step."),
+             " linear theory does not include the step."),
     )  # fmt: skip
 
 

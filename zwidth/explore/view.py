@@ -15,9 +15,9 @@ Span = tuple[float, float]
 class View:
     """What is shown. Units are those of the device, rad and N m or m and N; times in s.
 
-    device: its number, from 0. delay to friction: None where the device's own value is meant.
+    device: its number, from 0. delay to friction: None if the device's own value is meant.
     start: amplitude. stiffness, damping: the wall whose run is shown, None for none yet. damping_
-    and stiffness_range: axes of the plane, None where they fit the boundary. time_range: part of
+    and stiffness_range: axes of the plane, None if they fit the boundary. time_range: part of
     the run that is shown, None for all. recording_from: time in the recording at t = 0 of the run.
     """
 
@@ -69,7 +69,7 @@ def _text(value: object) -> str:
 
 
 def _number(lowest: float, *, above: bool = False, infinite: bool = False) -> Callable[[str], Any]:
-    words = f"a number {'above' if above else 'from'} {lowest:g}{' on' if not above else ''}"
+    words = f"a number {'above' if above else 'of'} {lowest:g}{' or more' if not above else ''}"
 
     def read(text: str) -> float:
         try:
@@ -92,20 +92,22 @@ def _span(lowest: float) -> Callable[[str], Span]:
                 return start, stop
         except ValueError:
             pass
-        raise ValueError(f"two rising numbers from {lowest:g} on, with a comma between them")
+        raise ValueError(
+            f"two numbers of {lowest:g} or more, the smaller first, separated by a comma"
+        )
 
     return read
 
 
 def _whole(text: str) -> int:
     if not (text.isdecimal() and text.isascii() and len(text) < 5):
-        raise ValueError("a whole number, 0 or more")
+        raise ValueError("a whole number of 0 or more")
     return int(text)
 
 
 def _layer(text: str) -> str:
     if text not in LAYERS:
-        raise ValueError(", ".join(LAYERS))
+        raise ValueError(f"one of {', '.join(LAYERS)}")
     return text
 
 
@@ -150,7 +152,9 @@ def read_query(query: Mapping[str, Sequence[str]], devices: int = 1) -> tuple[Vi
             view = replace(view, **{name: read(values[-1])})
         except ValueError as error:
             text = values[-1][:40]
-            complaints.append(f"the link says {key} = {text!r}, allowed is {error}; left out")
+            complaints.append(
+                f"the link has {key} = {text!r}, which is left out: it must be {error}"
+            )
     if view.device >= devices:
         complaints.append(f"the link asks for device {view.device}; there are {devices} here")
         view = replace(view, device=0)

@@ -42,7 +42,7 @@ def heading(bench: Bench, view: View) -> str:
 
 
 def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
-    """Return what becomes of a wall, and what linear theory says of it, as HTML."""
+    """Return the fate of a wall, and its linear theory, as HTML."""
     view, device = found.view, plane.device
     assert view.stiffness is not None
     assert view.damping is not None

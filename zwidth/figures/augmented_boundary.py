@@ -25,15 +25,14 @@ def augmented_boundary_figure(found: AugmentedBoundary) -> Figure:
             color=LINEAR, linestyle="--", linewidth=1.1, label="device file, linear theory",
         )  # fmt: skip
         _brackets(axes, found.nominal, BEFORE, "s", "device file, simulated")
-        _brackets(axes, found.augmented, AFTER, "o", "with what was found, simulated")
+        _brackets(axes, found.augmented, AFTER, "o", "with the found effects, simulated")
         axes.set_xlabel(f"virtual damping B [{force} s/{length}]")
         axes.set_ylabel(f"virtual stiffness K [{force}/{length}]")
         axes.set_ylim(bottom=0.0)
         axes.set_title(
-            f"Stable below; delay {1e3 * found.delay:g} ms, displaced by {found.start:g} {length}",
-            fontsize=10,
+            f"Stable below; delay {1e3 * found.delay:g} ms, displaced by {found.start:g} {length}"
         )
-        axes.legend(frameon=False, fontsize=8)
+        axes.legend()
     return figure
 
 

@@ -37,7 +37,7 @@ def beside_figure(bands: Sequence[Band]) -> Figure:
         figure = Figure(figsize=(7.2, 3.9), layout="constrained")
         for axes, band in zip(figure.subplots(1, len(bands), squeeze=False)[0], bands, strict=True):
             _draw(axes, band)
-            axes.set_title(band.label, loc="left", fontsize=10)
+            axes.set_title(band.label)
             axes.set_xlim(left=0.0)
             axes.set_ylim(0.0, 2.1 * float(np.nanmax(band.hand)))
             axes.set_xlabel("$B$ [N m s/rad]")
@@ -54,7 +54,7 @@ def beside_figure(bands: Sequence[Band]) -> Figure:
             Patch(color="0.3", alpha=SURE, label="95 % by parameters"),
             Patch(facecolor=PASSIVE, label="passive walls"),
         ]
-        figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+        figure.legend(handles=handles, loc="outside upper left", ncols=4)
     return figure
 
 

@@ -34,7 +34,7 @@ def bode_figure(measured: Response, ours: Response, theirs: Response) -> Figure:
         phase.set_xticks([1, 2, 5, 10, 20, 50, 100, 200, 500], minor=False)
         phase.xaxis.set_major_formatter("{x:g}")
         handles, labels = magnitude.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
 
 

@@ -19,7 +19,6 @@ from zwidth.results import BoundaryResult, DelayBoundary, Interval, Point
 Floats = NDArray[np.float64]
 UNFELT = 0.25  # strength of the colour of walls of which nothing is felt
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
-LONG_TITLE = 60
 INSET_ROOM = 1.45  # of the picture's width, for what it enlarges
 DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
 
@@ -68,7 +67,7 @@ def boundary_figure(
             _inset(stiffness, corners)
         law = "" if result.law is UNSET else f"; dots: {result.law}"
         title = f"Stability boundary of {result.device}{law}"
-        stiffness.set_title(title, loc="left", fontsize=12 if len(title) < LONG_TITLE else 9)
+        stiffness.set_title(title, wrap=True)
         _legend(figure, result, measured_source)
     return figure
 
@@ -243,7 +242,7 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(_patch("95 % by parameters", 0.3))
     cells = _rows_of(4, delays) + _rows_of(4, kinds)
     by_column = [cell for column in range(4) for cell in cells[column::4]]
-    figure.legend(handles=by_column, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles=by_column, loc="outside upper left", ncols=4)
 
 
 def _patch(label: str, strength: float) -> Line2D:

@@ -3,7 +3,7 @@
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.figures.run import thinned
+from zwidth.figures.run import thinned, told_apart
 from zwidth.figures.style import COLOURS, STYLE
 from zwidth.sim.trace import Trace
 
@@ -25,10 +25,11 @@ def channels_figure(trace: Trace, title: str = "") -> Figure:
             names = [name for name in trace.channels if trace.units[name] == unit]
             for k, name in reversed(list(enumerate(names))):
                 t, values = thinned(trace.t, trace[name])
-                label, colour = name.replace("_", " "), COLOURS[k % len(COLOURS)]
-                axes.plot(t, values, color=colour, linewidth=1.1, label=label)
+                label = name.replace("_", " ")
+                look = told_apart(k, len(names), COLOURS[k % len(COLOURS)], t.size)
+                axes.plot(t, values, label=label, **look)
             axes.set_ylabel(f"{QUANTITIES.get(unit, 'value')} [{unit or '-'}]")
-            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), frameon=False, fontsize=8)
-        panels[0].set_title(title, loc="left", fontsize=10, wrap=True)
+            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
+        panels[0].set_title(title or "Signals over time", wrap=True)
         panels[-1].set_xlabel("time [s]")
     return figure

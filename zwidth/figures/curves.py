@@ -71,8 +71,7 @@ def curves_figure(
         below.set_xlim(left=0.0)
         frequency_axis(below)
         if legend:
-            figure.legend(handles=list(legend), loc="outside upper left", frameon=False,
-                          fontsize=9, ncols=min(4, len(legend)))  # fmt: skip
+            figure.legend(handles=list(legend), loc="outside upper left", ncols=min(4, len(legend)))
     return figure
 
 

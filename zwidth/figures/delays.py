@@ -25,7 +25,7 @@ def delay_figure(
         panels[0].plot(delay_ms, damping, color=COLOURS[0], label="corner $B_t$")
         panels[0].set_ylabel("$B$ [N m s/rad]")
         panels[0].set_ylim(bottom=0.0)
-        panels[0].legend(loc="upper right", frameon=False, fontsize=9)
+        panels[0].legend(loc="upper right")
         panels[1].plot(delay_ms, stiffness, color=COLOURS[0])
         panels[1].set_ylabel("$K_\\mathrm{max}$ [N m/rad]")
         panels[1].set_yscale("log")

@@ -7,30 +7,43 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
-from zwidth.figures.style import AFTER, BEFORE, FILE, HELD_OUT, LAW, MEASURED, STYLE, UNDER
-from zwidth.sim.readable import percent, plain, scaled, with_unit
+from zwidth.figures.style import (
+    AFTER,
+    BEFORE,
+    FILE,
+    HELD_OUT,
+    LAW,
+    MEASURED,
+    STYLE,
+    UNDER,
+    headed,
+    pushing,
+)
+from zwidth.sim.readable import percent, scaled, with_unit
 
 Floats = NDArray[np.float64]
 SLICES = 60
 COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
+EDGE = 0.12  # of the width of a panel beside another, where no label of time stands
 WIDE = 20.0  # from the smallest to the largest residual, from which their axis is logarithmic
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
 # run -> label, colour, dashes
 WITH_NAMES = {
     "before": ("device file", FILE, ":"),
-    "refit": ("refitted, without what was found", BEFORE, "--"),
-    "after": ("with what was found", AFTER, "-"),
+    "refit": ("refitted, without the found effects", BEFORE, "--"),
+    "after": ("with the found effects", AFTER, "-"),
 }
 LEARNED = {"law": ("with the learned law", LAW, "-")}
+PUSHES = {"N m": "torque", "N": "force"}
 WITHOUT = {
     "before": ("device file", BEFORE, "--"),
     "after": ("refitted", AFTER, "-"),
@@ -38,16 +51,16 @@ WITHOUT = {
 
 
 def force_map_figure(located: Located, rotary: bool) -> Figure:
-    """Return the missing force at the likeliest place against position, velocity, command and time.
+    """Return the missing force at its most likely place over position, velocity, command and time.
 
     Bars: one standard error. A flat line at zero means that nothing is missing there.
     """
     top = max(located.maps, key=lambda m: m.gained)
-    force, length = ("N m", "rad") if rotary else ("N", "m")
+    (pushed_by, force), length = pushing(rotary), "rad" if rotary else "m"
     units = {"position": length, "velocity": f"{length}/s", "command": force, "time": "s"}
     maps = [m for m in located.maps if m.place == top.place]
     forces = [_about_its_level(m.force) for m in maps]
-    push, pushed = scaled(max(float(np.abs(f).max()) for f in forces), force)
+    push, pushed = scaled(float(np.abs(_about_its_level(top.force)).max()), force)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.0))
         panels = figure.subplots(2, 2, squeeze=False).ravel()
@@ -63,11 +76,17 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
             axes.set_xlabel(f"{m.against} [{unit}]")
-            axes.set_title(f"lowers chi-square by {plain(m.gained, 3)}", fontsize=9)
+            axes.set_title(f"over {m.against}: {_explains(m.gained, top.gained)}", fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
-            axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")
+            axes.set_ylabel(f"missing {pushed_by} at {top.place} [{pushed}]")
     return figure
+
+
+def _explains(gained: float, most: float) -> str:
+    """How much of the error is explained by a force over this state, beside the best of them."""
+    share = max(gained, 0.0) / most if most > 0.0 else 1.0
+    return "explains most" if share >= 1.0 else f"explains {percent(share)} as much"
 
 
 def _within(figure: Figure, *, bottom: float = 0.5, top: float = 0.3, **gaps: float) -> None:
@@ -78,7 +97,7 @@ def _within(figure: Figure, *, bottom: float = 0.5, top: float = 0.3, **gaps: fl
     """
     wide, high = figure.get_size_inches()
     figure.subplots_adjust(
-        left=0.85 / wide, right=1.0 - 0.12 / wide, bottom=bottom / high, top=1.0 - top / high,
+        left=0.85 / wide, right=1.0 - 0.26 / wide, bottom=bottom / high, top=1.0 - top / high,
         **gaps,
     )  # fmt: skip
 
@@ -122,6 +141,8 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
         spans = [slice(None)] if close is None else [slice(None), close]
         for column, span in zip(panels.T, spans, strict=True):
             _motion(column, t[span], run, span, factor, words)
+            if close is not None:
+                _ticks_inside(column[1])
         motion, error = panels[:, 0]
         reach = ROOM * swing
         motion.set_ylim(factor * (middle - reach), factor * (middle + reach))
@@ -130,14 +151,15 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
         most = min(reach, 4.0 * max(finite, default=reach)) or 1.0
         error.set_ylim(-factor * most, factor * most)
         quantity, at = run.output.split("_")
-        motion.set_ylabel(f"{quantity} of {at} [{unit}]")
+        what = f"{quantity} of {at}"
+        motion.set_ylabel(f"|{what}| [{unit}]" if run.folded else f"{what} [{unit}]")
         error.set_ylabel(f"error [{unit}]")
         for axes in panels[1]:
             axes.set_xlabel("time [s]")
         held = _ground(figure, run.held_out)
-        figure.suptitle(f"{run.recording}, simulated without correction; {held}", fontsize=9)
+        headed(figure, f"{run.recording}, simulated without correction; {held}")
         handles, labels = motion.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        figure.legend(handles, labels, loc="lower center", ncols=2)
         rows = -(-len(labels) // 2)
         _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
@@ -153,6 +175,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
     reach = ROOM * float(np.abs(commanded).max())
     factor, unit = scaled(reach, forces.unit)
+    what = PUSHES.get(forces.unit, "command")
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6))
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
@@ -173,17 +196,18 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         most = 4.0 * min(min(forces.errors.values()), 0.25 * reach)
         if 0.0 < most < math.inf:
             lacks.set_ylim(-factor * most, factor * most)
-        force.set_ylabel(f"force at m1 [{unit}]")
+        force.set_ylabel(f"{what} at m1 [{unit}]")
         lacks.set_ylabel(f"missing [{unit}]")
         lacks.set_xlabel("time [s]")
         lacks.margins(x=0.01)
         held = _ground(figure, forces.held_out)
-        figure.suptitle(
-            f"{forces.recording}, the force that its motion needs; {held}; below"
-            f" {forces.band:.3g} Hz", fontsize=9,
-        )  # fmt: skip
+        headed(
+            figure,
+            f"{forces.recording}, the {what} that its motion needs; {held}; below"
+            f" {forces.band:.3g} Hz",
+        )
         handles, labels = force.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        figure.legend(handles, labels, loc="lower center", ncols=2)
         rows = -(-len(labels) // 2)
         _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
@@ -242,8 +266,16 @@ def _motion(
     motion.margins(x=0.01)
 
 
+def _ticks_inside(axes: Axes) -> None:
+    """Keep labels of time off the edges, where those of two panels side by side would meet."""
+    low, high = axes.get_xlim()
+    room = EDGE * (high - low)
+    at = MaxNLocator(nbins=4).tick_values(low, high)
+    axes.set_xticks([t for t in at if low + room <= t <= high - room])
+
+
 def _close_look(run: WholeRun) -> slice | None:
-    """The stretch in which a motion of too many swings for the width is read; None where few."""
+    """The stretch in which a motion of too many swings for the width is read; None if few."""
     about = run.measured - run.measured.mean()
     turns = np.flatnonzero(np.diff(np.sign(about)) != 0)
     if turns.size < CROWDED or run.measured.size < 10 * CLOSE:
@@ -254,19 +286,22 @@ def _close_look(run: WholeRun) -> slice | None:
     return slice(first, min(run.measured.size, first + ticks))
 
 
-def residual_figure(residuals: Residuals) -> Figure:
+def residual_figure(residuals: Residuals, named: bool = True) -> Figure:
     """Return the rms of the innovations over time, and their spectrum, before and after.
 
-    Both in units of the noise model: where nothing is missing they lie at one.
+    Both in units of the noise model: where nothing is missing they lie at one. named: whether
+    anything was found; else there is only the refit.
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.0))
+        figure = Figure(figsize=(7.2, 3.3))
         over_time, spectrum = figure.subplots(1, 2)
-        _within(figure, top=0.4, wspace=0.36)
-        for values, colour, label in (
+        headed(figure, "How far the next sample is from its prediction, beside the noise")
+        _within(figure, bottom=0.75, top=0.36, wspace=0.36)
+        lines = (
             (residuals.before, BEFORE, "linear refit"),
-            (residuals.after, AFTER, "with what was found"),
-        ):
+            (residuals.after, AFTER, "with the found effects"),
+        )
+        for values, colour, label in lines if named else ((residuals.after, AFTER, "refitted"),):
             _over_time(over_time, values, residuals.period, colour, label)
             _spectrum(spectrum, values, residuals.period, colour)
         for axes in (over_time, spectrum):
@@ -283,7 +318,7 @@ def residual_figure(residuals: Residuals) -> Figure:
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
         handles, labels = over_time.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="upper center", ncols=3, frameon=False, fontsize=8)
+        figure.legend(handles, labels, loc="lower center", ncols=3)
     return figure
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.figures.style import AFTER, STYLE
+from zwidth.figures.style import AFTER, STYLE, headed
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
@@ -143,8 +143,8 @@ def effect_figure(effect: Effect) -> Figure:
         right.set(ylabel=f"{seen}\n[rad]")
         right.tick_params(labelbottom=False)
         below.set(xlabel="time [s]", ylabel="change\n[rad]")
-        figure.legend(loc="outside lower right", ncols=2, frameon=False, fontsize=8)
-        figure.suptitle(f"{effect_in_words(effect.name)} at {shown.at}", fontsize=10)
+        figure.legend(loc="outside lower right", ncols=2)
+        headed(figure, f"{effect_in_words(effect.name)} at {shown.at}")
     return figure
 
 
@@ -206,23 +206,23 @@ def _law(effect: Effect, shown: Shown, run: Run) -> tuple[Floats, Floats, tuple[
     if shown.over == "reading":
         return trace["position_m1"], trace["encoder"], ("position [rad]", "reading [rad]")
     if shown.over == "command" and effect.hook in ("command", "clock", "structure"):
-        names = ("command [N m]", "force of the amplifier [N m]")
+        names = ("command [N m]", "torque of the amplifier [N m]")
         part = slice(-500, None)  # the last wave
         return _asked(shown)[part], trace["applied"][part], names
     if shown.over == "deflection":
         deflection = trace["position_m1"] - trace["position_m2"]
-        names = ("deflection of the link [rad]", "force of the link [N m]")
+        names = ("deflection of the link [rad]", "torque of the link [N m]")
         return _middle(deflection), _moving(trace, 1), names
     if shown.over == "goal":
         part = slice(50, None)  # once the jerk of the beginning is over
         goal = _asked(shown) / 1.0 - trace["position_m1"]
-        names = ("goal - position [rad]", "force of the servo [N m]")
+        names = ("goal - position [rad]", "torque of the servo [N m]")
         return _middle(goal)[part], _moving(trace, 0)[part], names
     force = _moving(trace, 0) - trace["applied"][:-1]
     commanded = shown.over == "command"
     x = trace["command"][:-1] if commanded else _middle(trace[f"{shown.over}_m1"])
     unit = {"position": "rad", "velocity": "rad/s", "command": "N m"}[shown.over]
-    return x, force, (f"{shown.over} [{unit}]", "its force [N m]")
+    return x, force, (f"{shown.over} [{unit}]", "its torque [N m]")
 
 
 def _moving(trace: Trace, mass: int) -> Floats:

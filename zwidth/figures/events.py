@@ -5,7 +5,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.events import SLIP, Event
-from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE
+from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE, pushing
 from zwidth.sim.readable import scaled
 
 FORCE, MOTION, WHEN = BEFORE, AFTER, INTERVAL
@@ -16,7 +16,8 @@ def events_figure(event: Event) -> Figure:
     own = event.course
     factor, unit = scaled(float(np.abs(own.force).max()), own.unit)
     far, length = scaled(float(np.abs(own.motion).max()), own.length)
-    what = "off by" if event.kind == SLIP and own.unit == own.length else "force"
+    pushed = pushing("N m" in own.unit)[0]
+    what = "off by" if event.kind == SLIP and own.unit == own.length else pushed
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True)
@@ -34,7 +35,7 @@ def events_figure(event: Event) -> Figure:
         bottom.set_xlabel(f"time in {event.recording} [s]")
         words = {"stop": "hit on a stop", "touch": "hand or another contact"}
         name = words.get(event.kind, event.kind)
-        top.set_title(f"A {name}: force and motion over time" if what == "force"
+        top.set_title(f"A {name}: {pushed} and motion over time" if what == pushed
                       else f"A {name}: the error of the reading, and the reading")  # fmt: skip
         figure.legend(loc="outside lower center", ncols=4)
     return figure

@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from zwidth.figures.style import AFTER, COLOURS, FILE, STYLE
+from zwidth.figures.style import AFTER, COLOURS, FILE, STYLE, headed
 
 
 def confusion_figure(found: Mapping[str, Any]) -> Figure:
@@ -31,9 +31,8 @@ def confusion_figure(found: Mapping[str, Any]) -> Figure:
                 colour = "white" if shares[i, j] > 0.6 else "black"
                 axes.text(j, i, f"{count:.0f}", ha="center", va="center", color=colour, fontsize=8)
         _name(axes, rows, columns)
-        figure.suptitle(
-            "Single effects: what was named first,\nin counts (colour: share of the row)",
-            fontsize=10,
+        headed(
+            figure, "Single effects: what was named first,\nin counts (colour: share of the row)"
         )
     return figure
 
@@ -76,12 +75,12 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
         axes.set_xlabel("magnitude, in units of the limit (5 sigma)")
         axes.set_ylabel("share")
         axes.set_title("Single effects, with exact 95 % intervals")
-        figure.legend(loc="outside upper left", ncols=2, frameon=False)
+        figure.legend(loc="outside upper left", ncols=2)
     return figure
 
 
 def reliability_figure(found: Mapping[str, Any]) -> Figure:
-    """Return how often what was said with a probability was so, against that probability.
+    """Return the share of true statements over their stated probability.
 
     found: `calibration` in the JSON of `zwidth exam`. The area of a point grows with the statements
     in it; bars are exact 95 % intervals.

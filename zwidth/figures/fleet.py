@@ -99,7 +99,7 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
             color=BAND, zorder=0, label="95 % of the fleet",
         )  # fmt: skip
     ax.axhline(factor * s.center.value, color="0.4", linewidth=1.0)
-    ax.set_title(_title(fleet, name), loc="left", fontsize=10)
+    ax.set_title(_title(fleet, name))
     ax.set_ylabel(f"[{unit or '1'}]")
 
 
@@ -129,6 +129,6 @@ def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
 def _title(fleet: Fleet, name: str) -> str:
     s = fleet.spreads[name]
     levels = [word for has, word in ((s.per_device, "per device"), (s.per_run, "per run")) if has]
-    levels += [f"follows {column}; drawn for its mean" for column in s.slopes]
+    levels += [f"depends on {column}; drawn for its mean" for column in s.slopes]
     words = in_words(name).rstrip(",")
     return f"{words}: {', '.join(levels) or 'shared by all'}"

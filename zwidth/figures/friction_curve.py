@@ -6,35 +6,41 @@ from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.friction_curve import FrictionCurve
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.figures.style import AFTER, MEASURED, STYLE
-from zwidth.sim.readable import scaled
+from zwidth.figures.samples import framed, samples_on
+from zwidth.figures.style import AFTER, STYLE, pushing
+from zwidth.sim.readable import scaled, with_unit
 
-CURVE, SAMPLES = AFTER, MEASURED
+CURVE = AFTER
 SHOWN = 4000  # samples, at most
-TALL = 2.5  # times the curve's height, within which samples are shown
-TALL_FRAME = 1.05  # times the tallest that is shown, where samples lie beyond it
-WIDE = 75  # letters that a line holds of a legend, whose columns are as wide as the longest
+SEEN = 0.03  # of the frame: a narrower band is hidden by the line, and is told in numbers
+WIDE = 90  # letters that a line holds of a legend, whose columns are as wide as the longest
 
 
 def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
     """Return what acts over the velocity at a place, as a resistance: positive against v > 0."""
     whole = curve.whole
     x, speed = scaled(float(np.abs(whole.states).max()), "rad/s" if rotary else "m/s")
-    y, force = scaled(float(np.abs(whole.forces).max()), "N m" if rotary else "N")
-    tall = TALL * float(np.abs(whole.forces).max())
+    y, force = scaled(float(np.abs(whole.forces).max()), pushing(rotary)[1])
     every = max(1, curve.velocities.size // SHOWN)
     inside = (curve.velocities >= whole.states[0]) & (curve.velocities <= whole.states[-1])
     v = curve.velocities[inside][::every]
     asked = -curve.forces[inside][::every]
-    outside = float(np.mean(np.abs(asked) > tall)) if asked.size else 0.0
-    beyond = f", {100.0 * outside:.0f} % of them beyond the frame" if outside > 0.0 else ""
+    edges = -np.array([whole.lower, whole.upper, whole.forces])
+    frame, beyond = framed(asked, float(edges.min(initial=0.0)), float(edges.max(initial=0.0)))
+    look, where = samples_on(asked + np.interp(v, whole.states, whole.forces), frame)
+    half = 0.5 * float(np.max(whole.upper - whole.lower))
+    if 2.0 * half > SEEN * (frame[1] - frame[0]):
+        band = ", with its 95 % band"
+    else:
+        band = f" (95 % within ±{with_unit(half, pushing(rotary)[1], 2)})" if half > 0.0 else ""
+    what = pushing(rotary)[0]
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         axes = figure.subplots()
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         if asked.size:  # of a free motion none is known
-            axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=3.2, rasterized=True,
-                      label=f"force needed at each sample{beyond}")  # fmt: skip
+            axes.plot(x * v, y * asked, ".", rasterized=True,
+                      label=f"{what} needed at each sample{where}{beyond}", **look)  # fmt: skip
         for side in (whole.states < 0.0, whole.states > 0.0):
             if not side.any():
                 continue
@@ -43,9 +49,8 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
                               alpha=0.25, linewidth=0.0)  # fmt: skip
             axes.plot(at, -y * whole.forces[side], color=CURVE, linewidth=1.4)
         names = " and ".join(effect_in_words(name) for name in whole.names)
-        axes.plot([], [], color=CURVE, linewidth=1.4, label=f"{names}, with its 95 % band")
-        if outside > 0.0:
-            axes.set_ylim(-TALL_FRAME * y * tall, TALL_FRAME * y * tall)
+        axes.plot([], [], color=CURVE, linewidth=1.4, label=f"{names}{band}")
+        axes.set_ylim(y * frame[0], y * frame[1])
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")
         axes.set_title("The friction that was found, over velocity")

@@ -5,7 +5,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.style import AFTER, FILE, INTERVAL, STYLE
+from zwidth.figures.style import AFTER, FILE, INTERVAL, STYLE, headed
 from zwidth.identification.fit import Fit
 from zwidth.sim.sampled import sampled_frequency_response
 
@@ -53,6 +53,7 @@ def identified_figure(
         middle.plot(model[0], _phase(model[1]), color=AFTER)
         bottom.plot(frequency, coherence, color="0.3", linewidth=0.8)
         bottom.set_ylim(0.0, 1.05)
+        headed(figure, "Measured frequency response and fitted model")
         top.set_ylabel("magnitude [dB]")
         middle.set_ylabel("phase [deg]")
         bottom.set_ylabel("coherence")
@@ -61,7 +62,7 @@ def identified_figure(
         bottom.set_xlim(float(frequency[0]), float(model[0][-1]))
         bottom.xaxis.set_major_formatter("{x:g}")
         handles, labels = top.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False)
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 

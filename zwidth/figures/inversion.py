@@ -46,5 +46,5 @@ def inversion_figure(series: Sequence[PlantPoints]) -> Figure:
         phase.set_xticks([5, 10, 20, 50, 100, 200], ["5", "10", "20", "50", "100", "200"])
         phase.set_xticks([], minor=True)
         handles, labels = size.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure

@@ -11,7 +11,7 @@ from zwidth.figures.style import AFTER, BEFORE, STYLE
 
 
 def joints_figure(errors: Mapping[str, HeldOut]) -> Figure:
-    """Return two bars a joint: refitted, and with what was found [% of the motion]."""
+    """Return two bars per joint: refitted, and with the effects found [% of the motion]."""
     places = np.arange(len(errors))
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 1.2 + 0.45 * max(1, len(errors))), layout="constrained")
@@ -19,7 +19,7 @@ def joints_figure(errors: Mapping[str, HeldOut]) -> Figure:
         refit = [100.0 * e.refit for e in errors.values()]
         after = [100.0 * e.after for e in errors.values()]
         ax.barh(places - 0.2, refit, 0.36, color=BEFORE, label="refitted")
-        ax.barh(places + 0.2, after, 0.36, color=AFTER, label="with what was found")
+        ax.barh(places + 0.2, after, 0.36, color=AFTER, label="with the found effects")
         ax.set_yticks(places, list(errors))
         ax.invert_yaxis()
         ax.set_xlabel("error of free runs on held-out data [% of the motion]")

@@ -1,6 +1,6 @@
 """A law of no name: its curve with its band, the formula that it looks like, where it was seen."""
 
-from textwrap import fill
+from textwrap import wrap
 
 import numpy as np
 from matplotlib import rc_context
@@ -11,25 +11,26 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.laws import LearnedLaw
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.learning.together import Together
-from zwidth.figures.style import AFTER, BEFORE, LAW, MEASURED, STYLE
+from zwidth.figures.samples import framed, samples_on
+from zwidth.figures.style import AFTER, BEFORE, LAW, STYLE
 from zwidth.sim.physics.free_law import AT, FORCE
-from zwidth.sim.readable import scaled
+from zwidth.sim.readable import as_counted, scaled
 
 Floats = NDArray[np.float64]
-CURVE, TOGETHER, FORMULA, SAMPLES = AFTER, LAW, BEFORE, MEASURED
+CURVE, TOGETHER, FORMULA = AFTER, LAW, BEFORE
 FINE = 400  # states that a curve is drawn at
 BINS = 60
 SHOWN = 4000  # samples, at most
-WIDE = 76  # letters of a line of the legend
-SPREAD = 3.0  # times the curve's height, within which samples are shown
+WIDE = 90  # letters of a line of the legend
+LINES = 2  # of a legend, that a formula may take
 
 
 def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
     """Return the learned law over its state, and how often each state was visited."""
     curve = law.curve
-    state_unit, made_unit = (
-        curve.physics.effect.parameter(name).unit_for(rotary) for name in (AT[0], FORCE[0])
-    )
+    effect = curve.physics.effect
+    units = effect.parameter(AT[0]).unit_for(rotary), effect.parameter(FORCE[0]).unit_for(rotary)
+    state_unit, made_unit = units
     seen = _turned(law, curve.seen)
     s = np.linspace(float(seen.min()), float(seen.max()), FINE)
     f = law_at(curve.physics, s)
@@ -49,7 +50,7 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
             like = law.formulas[0]
             at = np.where((s == 0.0) | ~_visited(s, seen), np.nan, s)
             above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
-                       label=fill(f"{like.form.name}: {law.formula}", WIDE))  # fmt: skip
+                       label=_formula(law, like.form.name, units))  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
         above.set_title(f"Unnamed law over {curve.over} at {curve.physics.at}")
         figure.legend(loc="outside lower center", ncols=1)
@@ -58,6 +59,13 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
         within = " within a turn" if curve.period > 0.0 else ""
         below.set_xlabel(f"{curve.over}{within} [{state_unit}]")
     return figure
+
+
+def _formula(law: LearnedLaw, name: str, units: tuple[str, str]) -> str:
+    """The formula with its units, or its name alone where the formula is long."""
+    state, made = map(as_counted, units)
+    lines = wrap(f"{name}: {law.formula} [{made}], {law.letter} in {state}", WIDE)
+    return "\n".join(lines) if len(lines) <= LINES else name
 
 
 def _visited(s: Floats, seen: Floats) -> NDArray[np.bool_]:
@@ -76,12 +84,17 @@ def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
     """The law according to each sample of the recording."""
     states, forces = law.samples()
     every = max(1, states.size // SHOWN)
-    tall = SPREAD * float(np.abs(law.curve.forces).max())
-    states, forces = _turned(law, states)[::every], np.clip(forces[::every], -tall, tall)
+    states, forces = _turned(law, states)[::every], forces[::every]
+    curve = law.curve
+    edges = np.array([curve.forces, curve.lower, curve.upper])
+    edges = np.array([edges, -edges]) if curve.odd else edges
+    frame, beyond = framed(forces, float(edges.min(initial=0.0)), float(edges.max(initial=0.0)))
+    axes.set_ylim(y * frame[0], y * frame[1])
     if not states.size:  # of a free motion none is known
         return
-    axes.plot(x * states, y * forces, ".", color=SAMPLES, markersize=1.6, rasterized=True,
-              label="law plus the force still missing, per sample")  # fmt: skip
+    look, where = samples_on(forces - law_at(curve.physics, states), frame)
+    axes.plot(x * states, y * forces, ".", rasterized=True,
+              label=f"needed at each sample{where}{beyond}", **look)  # fmt: skip
 
 
 def _points(axes: Axes, law: LearnedLaw, s: Floats, x: float, y: float) -> None:

@@ -118,6 +118,5 @@ def _cuts(
             axes.plot(x, made * form, color=colour, linestyle=":", linewidth=1.0)
     title = "with 95 % band; dotted: formula" if law.formula else "with 95 % band"
     axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.26), title=title, title_fontsize="small",
-        fontsize="small", frameon=False,
+        loc="upper center", bbox_to_anchor=(0.5, -0.26), title=title,
     )  # fmt: skip

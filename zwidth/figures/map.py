@@ -4,13 +4,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from zwidth.figures.style import FATES, PREDICTED
+from zwidth.figures.style import FATES, PREDICTED, STYLE, headed, pushing
 from zwidth.law_options import said_of
 from zwidth.sim.fate import Fate
 from zwidth.sim.readable import scaled, with_unit
@@ -46,16 +47,18 @@ def axis_label(plane: Plane, quantity: str) -> str:
 
 def map_figure(result: FateMap, title: str | None = None) -> Figure:
     """Draw how runs end, and the force of the oscillation that remains."""
-    figure = Figure(figsize=(10.5, 5.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
     lines = describing_lines(result.plane)
-    draw_fates(left, result, lines)
-    _draw_force(figure, right, result)
-    left.set_title("how a run ends", fontsize=10)
-    right.set_title("force of the remaining oscillation", fontsize=10)
-    figure.suptitle(title or _title(result.plane), fontsize=11)
-    handles = legend([result], lines)
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(10.5, 5.2), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        draw_fates(left, result, lines)
+        _draw_force(figure, right, result)
+        left.set_title("how a run ends")
+        what, _ = pushing(result.plane.device.rotary)
+        right.set_title(f"{what} of the remaining oscillation")
+        headed(figure, title or _title(result.plane))
+        handles = legend([result], lines)
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 

@@ -65,7 +65,7 @@ def critical_figure(pieces: Sequence[Piece]) -> Figure:
                 style = {"color": _colour(name), "linewidth": MODE_WIDTHS.get(name, 1.6)}
                 above.plot(piece.damping[part], piece.stiffness[part], **style)
                 below.plot(piece.damping[part], piece.frequency_hz[part], **style)
-            above.set_title(piece.label, loc="left", fontsize=10)
+            above.set_title(piece.label)
             above.set_ylim(bottom=0.0)
             above.set_xlim(left=0.0)
             below.set_xlabel("$B$ [N m s/rad]")
@@ -85,7 +85,7 @@ def loci_figure(loci: Sequence[Locus]) -> Figure:
             for column, name in enumerate(locus.names):
                 _branch(axes, locus, column, _colour(name))
             axes.axvline(0.0, color="black", linewidth=0.8)
-            axes.set_title(locus.label, loc="left", fontsize=10)
+            axes.set_title(locus.label)
             axes.set_xlabel("decay rate [1/s]")
             axes.set_xlim(*SHOWN)
             axes.set_ylim(0.0, 400.0)
@@ -115,7 +115,7 @@ def damper_figure(
         axes.set_ylim(-1.0, 1.0)
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel("force over a true damper's")
-        figure.legend(loc="outside upper left", ncols=len(effects), frameon=False, fontsize=9)
+        figure.legend(loc="outside upper left", ncols=len(effects))
     return figure
 
 
@@ -153,5 +153,4 @@ def _mode_legend(figure: Figure, names: Sequence[str]) -> None:
         )
         for n in names
     ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), frameon=False,
-                  fontsize=9)  # fmt: skip
+    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))

@@ -48,5 +48,5 @@ def paddle_figure(
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("virtual damping $B$ [N m s/rad]")
         axes.set_ylabel("critical stiffness $K_\\mathrm{CR}$ [N m/rad]")
-        figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+        figure.legend(loc="outside upper left", ncols=3)
     return figure

@@ -9,7 +9,7 @@ from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.figures.style import AFTER, SHADES, STYLE
+from zwidth.figures.style import AFTER, SHADES, STYLE, headed
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
 from zwidth.sim.readable import plain, scaled, with_unit
@@ -25,7 +25,7 @@ TEXT = 9  # points
 
 
 def plan_figure(plan: Plan, title: str) -> Figure:
-    """Return limits as shares of what the experiment moves by; below them what looks alike.
+    """Return a figure of the limits as shares of the experiment's motion, and of alike effects.
 
     Each effect has a row, with a dot for each of its places. Limits of friction, play and mass have
     no common unit, so the axis is a share of the largest conceivable value (a friction as large as
@@ -45,7 +45,7 @@ def plan_figure(plan: Plan, title: str) -> Figure:
         _limits(panels[0], shown)
         if names:
             _pairs(panels[1], distances, names)
-        figure.suptitle(title, fontsize=11)
+        headed(figure, title)
     return figure
 
 
@@ -71,9 +71,7 @@ def _limits(axes: Axes, shown: list[list[Visible]]) -> None:
     axes.grid(axis="y", visible=False)
     axes.xaxis.set_major_formatter(lambda x, _: f"{x:g} %")
     axes.set_xlabel("share of the largest command or motion; a dot a place", fontsize=9)
-    axes.set_title(
-        f"Smallest magnitude that shows with {SHOWN:g} sigma, after a linear refit", fontsize=10
-    )
+    axes.set_title(f"Smallest magnitude that shows with {SHOWN:g} sigma, after a linear refit")
 
 
 def _row(group: list[Visible]) -> str:
@@ -117,7 +115,6 @@ def _pairs(axes: Axes, distances: Floats, names: list[str]) -> None:
     axes.set_title(
         f"Effects that look alike at {ALIKE:g} times that magnitude, at their nearest places\n"
         "(on the diagonal: the same effect at two places)",
-        fontsize=10,
     )
     bar = axes.figure.colorbar(picture, ax=axes, shrink=0.8, aspect=20, ticks=EDGES)
     bar.set_label("distance [sigma]", fontsize=9)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from zwidth.figures.style import AFTER, BEFORE, COLOURS, DASHES, STYLE
+from zwidth.figures.style import AFTER, BEFORE, COLOURS, DASHES, STYLE, headed
 from zwidth.identification.cycles import Cycle, RelayCondition
 from zwidth.identification.relay import RelayTest, Waveform
 from zwidth.sim.device import Device
@@ -51,7 +51,7 @@ def relay_figure(wave: Waveform, title: str = "", rotary: bool = True) -> Figure
         position.set_xlabel("time in steady state [s]")
         position.set_xlim(0.0, float(wave.t[-1]))
         if title:
-            figure.suptitle(title, fontsize=10)
+            headed(figure, title)
     return figure
 
 
@@ -106,9 +106,8 @@ def relay_boundary_figure(
         axes.set_xlabel(f"virtual damping $B$ [{force} s/{length}]")
         axes.set_ylabel(f"$K$ [{force}/{length}]")
         axes.set_ylim(bottom=0.0)
-        axes.set_title(f"{devices[0].name}: critical stiffness by relay", fontsize=11, loc="left")
-        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False,
-                      fontsize=8)  # fmt: skip
+        axes.set_title(f"{devices[0].name}: critical stiffness by relay")
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -191,5 +190,5 @@ def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
             Line2D([], [], color=AFTER, linestyle=":", label="comes to rest"),
             Line2D([], [], color="0.5", linewidth=1.0, linestyle=(0, (5, 2)), label="linear"),
         ]  # fmt: skip
-        figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+        figure.legend(handles=handles, loc="outside upper left", ncols=4)
     return figure

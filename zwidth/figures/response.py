@@ -33,7 +33,7 @@ def response_figure(device: Device) -> Figure:
         phase.set_xlabel("frequency [Hz]")
         phase.xaxis.set_major_formatter("{x:g}")
         delay = f"delay {1e3 * device.interface.delay:g} ms"
-        size.set_title(f"{device.name}, {delay}", loc="left", fontsize=10)
+        size.set_title(f"{device.name}, {delay}")
     return figure
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from zwidth.figures.style import COLOURS, STYLE
+from zwidth.figures.style import COLOURS, SHAPES, STYLE
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -20,6 +21,7 @@ LOST = 1e3  # growth of |position| over its start from which the scale turns log
 EARLY = 50  # samples that say where a run started
 HIGHEST = 1e100  # values drawn
 GREY = "0.55"
+MARKS = 7  # on each of some lines that may lie on each other
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
 
 
@@ -38,12 +40,12 @@ def run_figure(trace: Trace, title: str = "") -> Figure:
         _forces(panels[1], trace)
         if with_energy:
             _energies(panels[2], trace)
-        panels[0].set_title(title, loc="left", fontsize=10, wrap=True)
+        panels[0].set_title(title, wrap=True)
         panels[-1].set_xlabel("time [s]")
         panels[-1].set_xlim(*_span(trace.t))
         for panel in panels:
             _shade_contact(panel, trace)
-            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), frameon=False, fontsize=8)
+            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
     return figure
 
 
@@ -57,7 +59,8 @@ def _drawable(trace: Trace) -> Trace:
 def _positions(axes: Axes, trace: Trace) -> None:
     names = [name for name in trace.channels if name.startswith("position_")]
     for i, name in reversed(list(enumerate(names))):
-        _line(axes, trace, name, name.removeprefix("position_"), COLOURS[i % len(COLOURS)])
+        look = told_apart(i, len(names), COLOURS[i % len(COLOURS)], _shown(trace))
+        _line(axes, trace, name, name.removeprefix("position_"), look)
     axes.set_ylabel(f"position [{trace.units[names[0]]}]")
     _scale(axes, trace, names)
 
@@ -65,15 +68,17 @@ def _positions(axes: Axes, trace: Trace) -> None:
 def _forces(axes: Axes, trace: Trace) -> None:
     pushes = [name for name in trace.channels if name.startswith("disturbance_")]
     names = ["applied", "command", *pushes]
+    order = {"command": 0, "applied": 1}  # what is applied lies below, and is wider
     for name, colour in zip(names, (GREY, *COLOURS), strict=False):
-        _line(axes, trace, name, name.replace("_m", " on m"), colour, "steps-post")
+        look = told_apart(order.get(name, 0), len(order), colour, _shown(trace))
+        _line(axes, trace, name, name.replace("_m", " on m"), look, "steps-post")
     unit = trace.units["command"]
     axes.set_ylabel(f"{'torque' if unit == 'N m' else 'force'} [{unit}]")
     _scale(axes, trace, names)
 
 
 def _energies(axes: Axes, trace: Trace) -> None:
-    _line(axes, trace, "stored_energy", "stored", COLOURS[0])
+    _line(axes, trace, "stored_energy", "stored", _plain(COLOURS[0]))
     names = ["stored_energy"]
     spent = [n for n in trace.channels if n.startswith("work_") and n not in NOT_SPENT]
     if spent:
@@ -89,16 +94,40 @@ def _energies(axes: Axes, trace: Trace) -> None:
     ):
         if np.any(trace.channels.get(name, 0.0)):
             names.append(name)
-            _line(axes, trace, name, label, colour)
+            _line(axes, trace, name, label, _plain(colour))
     axes.set_ylabel("energy [J]")
     _scale(axes, trace, names)
 
 
 def _line(
-    axes: Axes, trace: Trace, name: str, label: str, colour: str, style: str = "default"
+    axes: Axes, trace: Trace, name: str, label: str, look: dict[str, Any], style: Any = "default"
 ) -> None:
     t, values = thinned(trace.t, trace[name])
-    axes.plot(t, values, color=colour, label=label, drawstyle=style, linewidth=1.1)  # pyright: ignore[reportArgumentType]
+    axes.plot(t, values, label=label, drawstyle=style, **look)
+
+
+def _shown(trace: Trace) -> int:
+    return thinned(trace.t, trace.t)[0].size
+
+
+def _plain(colour: str) -> dict[str, Any]:
+    return {"color": colour, "linewidth": 1.1}
+
+
+def told_apart(i: int, count: int, colour: str, size: int) -> dict[str, Any]:
+    """Return the look of the i-th of some lines that may lie on each other, the last at the bottom.
+
+    A lower line is wider, so that it is seen on both sides; marks of its own shape are at places of
+    its own. size: samples of the line.
+    """
+    if count == 1:
+        return _plain(colour)
+    every = max(1, size // MARKS)
+    return {
+        "color": colour, "linewidth": 1.1 + 1.3 * i, "marker": SHAPES[i % len(SHAPES)],
+        "markersize": 5.0 + i, "markeredgecolor": "white", "markeredgewidth": 0.6,
+        "markevery": (round((i + 0.5) * every / count), every),
+    }  # fmt: skip
 
 
 def thinned(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, Floats]:

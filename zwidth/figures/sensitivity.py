@@ -29,7 +29,7 @@ def sensitivity_figure(groups: Sequence[tuple[str, str, Sequence[Sensitivity]]])
             axes.axvline(0.0, color="black", linewidth=0.8)
             axes.set_xlabel(f"% of ${quantity}$ for 1 % of the parameter")
             axes.grid(axis="y", visible=False)
-        figure.legend(loc="outside upper left", ncols=len(groups), frameon=False, fontsize=9)
+        figure.legend(loc="outside upper left", ncols=len(groups))
     return figure
 
 

@@ -1,4 +1,4 @@
-"""How every picture looks, and how it is written: PNG and SVG, the same bytes each time."""
+"""The common style of pictures, and their files: PNG and SVG with reproducible bytes."""
 
 from io import BytesIO
 from pathlib import Path
@@ -15,6 +15,8 @@ FILE, LAW, INTERVAL, HELD_OUT = "0.55", "#117733", "0.85", "#fff3d6"
 """Colours with one meaning in every picture: what was measured; a model before and after, as its
 file has it, and with a learned law; an interval of 95 % over a whole axis; the ground under data
 that were kept out of the fit."""
+ON_DARK = {BEFORE: "#ff8f9e", AFTER: "#7fb6ff", FILE: "#9a9da2", LAW: "#5fce87"}
+"""Those of them that are lines, for a dark ground."""
 # For lines without such a meaning, in this order. They differ in lightness, for grey print and all
 # kinds of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes differ,
 # too.
@@ -39,6 +41,12 @@ SHADES = ("#7f0000", BEFORE, "#ddaa99", "#e6e6e6", "#ffffff")
 UNDER = 3.6  # points: width of a measured line, to be seen under a line that lies on it
 STYLE: dict[Any, Any] = {
     "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "figure.titlesize": 10,
+    "legend.fontsize": 8,
+    "legend.title_fontsize": 8,
+    "legend.frameon": False,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -50,6 +58,16 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "zwidth",  # names in the file do not change from run to run
 }
 DOTS_PER_INCH = 150
+
+
+def headed(figure: "Figure", text: str, **look: Any) -> None:
+    """Write the title of a whole figure, at its left as those of its panels are."""
+    figure.suptitle(text, x=0.01, ha="left", **look)
+
+
+def pushing(rotary: bool) -> tuple[str, str]:
+    """Return how a force is called on an axis, and its unit."""
+    return ("torque", "N m") if rotary else ("force", "N")
 
 
 def picture_files(stem: Path) -> list[Path]:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
+from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE, headed
 from zwidth.sim.readable import plain, scaled, with_unit
 from zwidth.stability.sweep import WHOLE, Step, Sweep
 
@@ -31,7 +31,7 @@ def sweep_figure(result: Sweep) -> Figure:
         left, right = figure.subplots(1, 2)
         _areas(left, result)
         _boundaries(right, result)
-        figure.suptitle(f"Z-width of {result.device.name}", x=0.01, ha="left", fontsize=12)
+        headed(figure, f"Z-width of {result.device.name}")
     return figure
 
 
@@ -65,8 +65,8 @@ def _areas(axes: Axes, result: Sweep) -> None:
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(NAMES[result.setting] + unit)
     axes.set_ylabel(f"area of stable walls [({force}/{length})$^2$ s]")
-    axes.set_title(f"widest at {_said(result, best)}", loc="left", fontsize=10)
-    axes.legend(frameon=False, fontsize=9)
+    axes.set_title(f"widest at {_said(result, best)}")
+    axes.legend()
 
 
 def _boundaries(axes: Axes, result: Sweep) -> None:
@@ -80,8 +80,8 @@ def _boundaries(axes: Axes, result: Sweep) -> None:
     axes.set_ylabel(f"critical stiffness [{force}/{length}]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    axes.set_title("stable below", loc="left", fontsize=10)
-    axes.legend(frameon=False, fontsize=9)
+    axes.set_title("stable below")
+    axes.legend()
 
 
 def _known(values: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ def appendix(delay: float, last: float) -> Printed:
 
 
 def gain_margin(device: Device, damping: float, grid: Floats, known: Floats) -> tuple[float, float]:
-    """Return the least K > 0 with an oscillation, and its frequency [Hz]; NaN where there is none.
+    """Return the least K > 0 with an oscillation, and its frequency [Hz]; NaN without one.
 
     known (n,): the damping of the closed form at frequencies grid (n,), which brackets the roots.
     """

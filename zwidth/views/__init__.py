@@ -1,4 +1,4 @@
-"""What results look like, one module a class: as arrays, as a table, as pictures.
+"""Views of results as arrays, tables and pictures, one module per class.
 
 The module of a class has its name in small letters (`FateMap`: `fate_map`), and in it `table`,
 `dataset` and PICTURES, name -> function, the first of which is drawn where none is named. This
@@ -40,7 +40,7 @@ def fields(value: Any) -> str:
 
 
 def dataset(result: Any) -> "Dataset":
-    """Return the numbers as arrays with units; raises ImportError where xarray is missing."""
+    """Return the numbers as arrays with units; raises ImportError if xarray is missing."""
     _needed("xarray", "to_xarray")
     return _module(result).dataset(result)
 
@@ -61,7 +61,7 @@ def flat(result: Any, library: str | None = None) -> Any:
     if library is None:
         library = "pandas" if find_spec("pandas") or not find_spec("polars") else "polars"
     if library not in LIBRARIES:
-        raise ValueError(f"library is {library!r}; allowed are {' and '.join(LIBRARIES)}")
+        raise ValueError(f"library is {library!r}; it must be {' or '.join(LIBRARIES)}")
     _needed(library, "to_frame")
     table = frame(result)
     axes = table.index.names != [None] and table.index.names != ["row"]

@@ -1,4 +1,4 @@
-"""A diagnosis: the verdict, what was found, what was refitted."""
+"""A diagnosis: the verdict, the effects found, the refitted parameters."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -82,7 +82,7 @@ def _inverse(found: Diagnosis) -> "Figure":
 
     if not found.force_errors:
         raise ValueError(
-            "no force error was found: it needs a command that is a force and the motion of every"
+            "there is no force error: it needs a command that is a force and the motion of every"
             " mass; draw 'motion' instead"
         )
     return force_error_figure(found.force_errors[0], bool(found.findings))
@@ -99,7 +99,7 @@ def _force(found: Diagnosis) -> "Figure":
 def _residual(found: Diagnosis) -> "Figure":
     from zwidth.figures.diagnosis import residual_figure
 
-    return residual_figure(found.residuals)
+    return residual_figure(found.residuals, bool(found.findings))
 
 
 PICTURES = {"motion": _motion, "missing force": _force, "residual": _residual, "force": _inverse}

@@ -44,7 +44,7 @@ def _linear(found: RelayReadings) -> list[float | None]:
 
 
 def dataset(found: RelayReadings) -> "Dataset":
-    """Return what the relay reads over the damping B, the likeliest cycle; NaN where there is none.
+    """Return the relay's readings over B: the most frequent cycle, NaN where there is none.
 
     share: of the starts, those that end on it; reference: what the published start alone reads.
     """

@@ -2,7 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from zwidth.sim.run import Run
+import numpy as np
+
+from zwidth.sim.run import Outcome, Run
 from zwidth.views import trace as signals
 from zwidth.views.table import Table
 from zwidth.views.units import rows
@@ -10,6 +12,9 @@ from zwidth.views.units import rows
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
+
+FEWEST = 10  # samples of a quarter of a run, of which a peak is read
+CHANGED = 1.2  # from the peak of its first quarter to that of its last: it grows, or decays
 
 
 def table(run: Run) -> Table:
@@ -30,7 +35,20 @@ def dataset(run: Run) -> "Dataset":
 
 def _drawn(run: Run) -> "Figure":
     device = run.trace.facts.get("device", "a device")
-    return signals.drawn(run.trace, f"{device}: {run.outcome.value}")
+    return signals.drawn(run.trace, f"{device}: {_ended(run)}")
+
+
+def _ended(run: Run) -> str:
+    """What a title says of a run: at a wall from both sides, whether its motion grows or decays."""
+    trace = run.trace
+    held = "contact" in trace.channels and bool(np.all(trace["contact"]))
+    if run.outcome is not Outcome.COMPLETED or not held or len(trace) < 4 * FEWEST:
+        return run.outcome.value
+    quarters = np.array_split(np.abs(trace["position_m1"]), 4)
+    first, last = float(quarters[0].max()), float(quarters[-1].max())
+    if last > CHANGED * first:
+        return "the motion grows"
+    return "the motion decays" if first > CHANGED * last else run.outcome.value
 
 
 PICTURES = {"signals": _drawn}

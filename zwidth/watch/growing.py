@@ -93,7 +93,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
     where there is none, and RecordingError, when it takes, where the file was begun anew.
     """
     if path.is_dir():
-        raise LogIsDirectory(f"{path} is a folder; name the log that grows in it")
+        raise LogIsDirectory(f"{path} is a folder; give the log that grows in it")
     if not path.exists():
         raise LogNotFound(f"{path} does not exist yet; start what writes it first")
     if not path.is_file():

@@ -43,12 +43,12 @@ MUCH = 2.0  # times their noise, that free runs err where a sentence says why th
 
 @dataclass(frozen=True)
 class Quick:
-    """What a quick fit says of the samples from `begins` to `ends` [s].
+    """The result of a quick fit to the samples from `begins` to `ends` [s].
 
     structure: effect@place of each effect; values: value, 95 % half width and unit by parameter.
     stands: whether the structure explains them; gained: -2 ln over doing without its effects, 0
     where it has none; ahead: error of free runs over what noise makes of it, at the horizon where
-    it is largest, None where nothing can be said (a structure is also refused for what follows the
+    it is largest, None if nothing can be said (a structure is also refused for what follows the
     motion in these errors, so that may be near 1). took: how long the fit worked [s].
     """
 
@@ -66,7 +66,7 @@ class Quick:
 
     @property
     def sentence(self) -> str:
-        """Say whether what was found stands."""
+        """A sentence on whether the structure found still explains the log."""
         names = " and ".join(s.replace("_", " ").replace("@", " at ") for s in self.structure)
         if self.structure and self.gained <= SURELY:
             return f"{names} no longer explains more than chance"
@@ -127,7 +127,7 @@ class Order:
 
 
 def quick(order: Order) -> Quick:
-    """Fit the last samples; raises ExperimentError where they are no use."""
+    """Fit the last samples; raises ExperimentError if they are no use."""
     began = time.monotonic()
     trace = read(order.spool, order.description).trace
     assert trace is not None

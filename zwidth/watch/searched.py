@@ -1,4 +1,4 @@
-"""A search of all that has come, made beside: the structure that quick fits go on with."""
+"""A search on all data so far, in its own process: it gives the structure for quick fits."""
 
 import warnings
 from collections.abc import Callable
@@ -47,7 +47,7 @@ class Searched:
 def first_device(spool: Path, description: Description | None, name: str) -> tuple[Device, Any]:
     """Return a device that is fitted to what has come, and what is to be said of it.
 
-    Raises ValueError where it does not say what a device is.
+    Raises ValueError if it does not say what a device is.
     """
     trace = read(spool, description).trace
     assert trace is not None

@@ -1,4 +1,4 @@
-"""What a growing log says so far: read, examined, and cut to what there is time for."""
+"""The state of a growing log: read, checked, and limited to its last samples."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +23,7 @@ OPEN_END = "the log was not closed"  # of a log that is being written that is no
 class Read:
     """The content of a log so far. said: how it was read; warnings: faults of its file.
 
-    wanting: why nothing can be read yet, "" where something can; trace: None there.
+    wanting: why nothing can be read yet, "" if something can; trace: None there.
     """
 
     trace: Trace | None = None

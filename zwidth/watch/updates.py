@@ -1,4 +1,4 @@
-"""What is told of a growing log, one thing after another: as a line, and as JSON."""
+"""The updates on a growing log, one after another: as lines and as JSON."""
 
 from dataclasses import dataclass, field
 from typing import Any

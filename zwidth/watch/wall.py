@@ -27,7 +27,7 @@ from zwidth.stability.judging import Trial
 
 @dataclass(frozen=True)
 class Wall:
-    """K_CR at a damping, None where no K that was tried is stable; start: that runs began with."""
+    """K_CR at a damping, None if no K that was tried is stable; start: that runs began with."""
 
     damping: float
     stiffness: float | None

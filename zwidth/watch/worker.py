@@ -18,7 +18,7 @@ class Works(Protocol):
         ...
 
     def take(self) -> Any:
-        """Return what is finished, None where nothing is; raises what the work raised."""
+        """Return what is finished, None if nothing is; raises what the work raised."""
         ...
 
 
@@ -43,9 +43,9 @@ class Worker:
         self.busy = True
 
     def take(self) -> Any:
-        """Return what is finished, None where nothing is; raises what the work raised.
+        """Return what is finished, None if nothing is; raises what the work raised.
 
-        Raises OSError where the process died.
+        Raises OSError if the process died.
         """
         if not self.busy or not self._here.poll():
             return None
@@ -54,7 +54,7 @@ class Worker:
             result = self._here.recv()
         except EOFError:
             raise ChildProcessError(
-                "the process of the fit died; check the memory that it needs"
+                "the process of the fit died; it may need more memory"
             ) from None
         if isinstance(result, BaseException):
             raise result
