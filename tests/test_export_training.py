@@ -1,6 +1,6 @@
 """Devices for reinforcement learning: Isaac Lab, Newton, BAM, by their own code where it is here.
 
-Newton, and BAM on Python 3.12: pip install 'zwidth[simulators]'. Isaac Lab is not in this extra: 3.0
+Newton, and BAM on Python 3.12: pip install 'zwidth[simulators]'. Isaac Lab is not in it: 3.0
 pins torch and Newton 1.6, and 2.3 needs numpy 1. Its package needs Isaac Sim to run, but its
 sources say which fields a configuration has: pip install --no-deps isaaclab.
 """

@@ -312,7 +312,7 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path: Path) -> None:
         for k in range(3):
             archive.writestr(f"v{k}.npy", b"")
             archive.infolist()[k].file_size = 1 << 32  # as the directory of the archive will claim
-    with pytest.raises(RecordingError, match="more than 8 GiB"):
+    with pytest.raises(RecordingError, match="unpacks to more than 256 MiB"):
         opened(tmp_path, out.getvalue())
 
 

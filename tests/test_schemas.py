@@ -143,7 +143,7 @@ def test_an_event_is_as_the_schema_says(kind: str):
 @pytest.mark.parametrize(
     "line",
     [
-        "plan DEV --seconds 3 --noise 1e-4 --excitation multisine",
+        "plan DEV --seconds 3 --noise 1e-4 --excitation small_multisine",
         "boundary phantom_1_0 --delay-ms 2 --damping 0 0.02 5 --tolerance 0.05 --limit-s 4"
         " --criterion passivity --felt --lever 0.1",
         "boundary DEV --delay-ms 2 --damping 0.01 --tolerance 0.05 --limit-s 4",

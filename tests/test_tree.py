@@ -48,7 +48,8 @@ def test_every_package_is_reached_through_its_link_and_mapped_into_the_wheel():
     assert links == {name: ROOT / name for name in folders}
     assert targets["packages"] == ["zwidth"]
     assert targets["exclude"] == [f"/zwidth/{name}" for name in folders]
-    assert targets["force-include"] == {name: f"zwidth/{name}" for name in folders}
+    mapped = {name: f"zwidth/{name}" for name in folders} | {"docs/schemas": "zwidth/schemas"}
+    assert targets["force-include"] == mapped
     assert set(PROJECT["tool"]["ruff"]["lint"]["flake8-tidy-imports"]["banned-api"]) == set(folders)
 
 
