@@ -394,7 +394,7 @@ def test_a_parameter_follows_what_was_recorded_beside():
     assert change.before.value == pytest.approx(0.02 * 1.15, rel=0.01)
     assert change.after.value == pytest.approx(0.02 * 0.85, rel=0.01)
     assert change.by.lower < -0.006 < change.by.upper
-    assert "follows temp: it fell from" in change.sentence
+    assert "depends on temp: it fell from" in change.sentence
     assert "degC" in change.sentence
     assert change.as_json()["follows"] == "temp"
 

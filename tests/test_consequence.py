@@ -118,7 +118,9 @@ def error(refit: float, after: float, held_out: bool = True) -> Any:
 def test_a_fit_that_ended_badly() -> None:
     """Mutations: a damper of nothing taken for an end; what was fitted asked; whole runs first."""
     assert ends_badly(fit(), (), ()) == ""
-    assert ends_badly(fit(m1=5.0), (), ()).startswith("the fit ends with m1 at the end")
+    assert ends_badly(fit(m1=5.0), (), ()).startswith(
+        "the fit ends with m1 at the limit of its allowed range"
+    )
     assert ends_badly(fit(k12=-5.0), (), ()) != ""
     least = next(p.lower for p in Model(drive()).linear if p.name == "b1")
     assert ends_badly(fit(b1=least), (), ()) == ""
