@@ -230,7 +230,7 @@ def sought(
     for labels, (structure, x, _) in found.items():
         if not labels:
             continue
-        say(f"fitting {' and '.join(sorted(labels))} to all recordings")
+        say(f"fitting {' and '.join(sorted(labels))} to {len(experiments)} recordings")
         model = replace(structure, nominal=bare.nominal)
         each = [_fitted(e, model, x) for e in experiments]
         fits[labels], costs[labels] = each, _cost(each, plain)

@@ -111,7 +111,7 @@ def diagnose_files(
                 found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
                 if fresh and not found.interrupted and found.verdict is Verdict.LINEAR_PARAMETERS:
                     console.note(
-                        "only linear parameters differ: fitting the device and searching again"
+                        "only linear parameters differ: searching again from the refitted device"
                     )
                     device = kept(found.device, file)
                     asked = replace(asked, device=device)

@@ -261,7 +261,9 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
     said = [f"{samples} samples in {count} recording{'s' if count > 1 else ''}"]
     if commands.read:
         files = " and ".join(commands.read)
-        said[0] += f"; {files} states which columns are time, command and motion, and their units"
+        said[0] += (
+            f"; the columns of time, command and motion, and their units, are stated in {files}"
+        )
     compared = commands.device or diagnosis.device.name
     said.append(
         f"masses, springs and dampers start from {compared} and may change as far as its"
