@@ -13,8 +13,8 @@ import pytest
 
 import zwidth
 from zwidth import cli
-from zwidth.checking import Changed, check
-from zwidth.diagnosis.answer.band import with_band
+from zwidth.checking import Changed, _excess, check
+from zwidth.diagnosis.answer.band import Windows, with_band
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.errors import Status
 from zwidth.sim.band import Band, OutputBand
@@ -113,6 +113,18 @@ def test_what_changed_is_named_with_its_size(name: str):
     assert found.explains, found.sentence
     assert len(found.changed) == len(said)
     assert {c.sentence for c in found.changed} == set(said)
+    for late in (c for c in found.changed if c.words == "delay"):  # a sentence rounds it
+        assert late.now - late.was == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_run_without_an_error_explains_nothing():
+    """Mutation: the largest share by `max` alone, which drops what is not a number."""
+    band = banded().band
+    assert band is not None
+    (output,) = band.outputs
+    none = np.full((3, 1), np.nan)
+    found = Windows((output.name,), none, np.ones((3, 1)), np.ones(1))
+    assert _excess(band, found, np.ones(1)) == np.inf
 
 
 FINER: dict[str, Callable[[zwidth.Device], zwidth.Device]] = {

@@ -63,3 +63,16 @@ def test_a_free_motion_has_no_samples_in_its_legend() -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(labels) == 1
     assert "Coulomb" in labels[0]
+
+
+def test_samples_on_a_friction_curve_are_said_to_be_there() -> None:
+    """Most of them at rest, to both sides. Mutation: the law interpolated through zero speed."""
+    states = np.array([-1.0, -0.5, 0.5, 1.0])
+    force = -0.1 * np.sign(states)
+    whole = Together(
+        ("coulomb_friction",), states, force, force - 0.01, force + 0.01, 0.0025 * np.eye(4)
+    )
+    v = np.concatenate([np.linspace(-1.0, 1.0, 100), np.tile([-0.01, 0.01], 400)])
+    curve = FrictionCurve(whole, Place("mass"), v, -0.1 * np.sign(v))
+    labels = [t.get_text() for t in friction_curve_figure(curve, True).legends[0].get_texts()]
+    assert labels[0] == "torque needed at each sample (on the curve)"

@@ -225,10 +225,9 @@ def check(
 ) -> Check:
     """Return whether a device still describes recordings, each with its stretches.
 
-    simulate: runs another simulator over a stretch; simulator: its name. say: called with what is
-    done next. Raises ValueError if the
-    device has no band, if its outputs are not those of a recording, or if a recording has no
-    motion; ExperimentError if no recording can be used.
+    simulate: runs another simulator over a stretch; simulator: its name. say: called with the next
+    step, in words. Raises ValueError if the device has no band, if its outputs are not those of a
+    recording, or if a recording has no motion; ExperimentError if no recording can be used.
     """
     if device.band is None:
         raise ValueError(NO_BAND.format(device.name))
@@ -433,7 +432,8 @@ def _excess(band: Band, found: Windows, before: Floats) -> float:
         if output.name in found.names:
             place = found.names.index(output.name)
             enough = max(most(band, output, found), ENOUGH * float(before[place]))
-            most_of_all = max(most_of_all, float(found.rms[place]) / enough)
+            share = float(found.rms[place]) / enough
+            most_of_all = max(most_of_all, math.inf if math.isnan(share) else share)
     return most_of_all
 
 

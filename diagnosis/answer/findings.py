@@ -71,8 +71,10 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
     final, tried = found.final, found.tried
     spread = attempt("intervals", "", partial(standard_errors, final))
     spread = np.full(final.x.size, np.nan) if spread is None else spread
-    reach = attempt("intervals", "", partial(_reach, found, spread))
-    reach = Z95 * np.stack([spread, spread], axis=1) if reach is None else reach
+    own = [j for j, p in enumerate(final.model.parameters) if p.kind == "effect"]
+    reach = Z95 * np.stack([spread, spread], axis=1)
+    further = attempt("intervals", "", partial(reaches, found.problem, final, spread, own))
+    reach[own] = reach[own] if further is None else further
     findings: list[Finding] = []
     odds = attempt("separation", "", partial(shares, tried)) if final.model.effects else None
     labels = effect_labels(final.model.effects)
@@ -103,14 +105,6 @@ def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> 
         probability=probability(odds, label),
         with_richer=with_richer(odds, label),
     )
-
-
-def _reach(found: Searched, errors: Floats) -> Floats:
-    """Return how far intervals reach below and above x, (p, 2): of effects, by the likelihood."""
-    own = [j for j, p in enumerate(found.final.model.parameters) if p.kind == "effect"]
-    reach = Z95 * np.stack([errors, errors], axis=1)
-    reach[own] = reaches(found.problem, found.final, errors, own)
-    return reach
 
 
 def half_width(way: Floats, spread: Floats) -> float:

@@ -1,15 +1,21 @@
 """Friction as a curve over velocity, with its band and the force that each sample needs."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.friction_curve import FrictionCurve
 from zwidth.diagnosis.answer.words import effect_in_words
+from zwidth.diagnosis.learning.together import Together
 from zwidth.figures.samples import framed, samples_on
 from zwidth.figures.style import AFTER, STYLE, pushing
 from zwidth.sim.readable import scaled, with_unit
 
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 CURVE = AFTER
 SHOWN = 4000  # samples, at most
 SEEN = 0.03  # of the frame: a narrower band is hidden by the line, and is told in numbers
@@ -27,7 +33,8 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
     asked = -curve.forces[inside][::every]
     edges = -np.array([whole.lower, whole.upper, whole.forces])
     frame, beyond = framed(asked, float(edges.min(initial=0.0)), float(edges.max(initial=0.0)))
-    look, where = samples_on(asked + np.interp(v, whole.states, whole.forces), frame)
+    ways = [whole.states < 0.0, whole.states > 0.0]  # friction jumps between them
+    look, where = samples_on(asked + _law(whole, v, ways), frame)
     half = 0.5 * float(np.max(whole.upper - whole.lower))
     if 2.0 * half > SEEN * (frame[1] - frame[0]):
         band = ", with its 95 % band"
@@ -41,7 +48,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         if asked.size:  # of a free motion none is known
             axes.plot(x * v, y * asked, ".", rasterized=True,
                       label=f"{what} needed at each sample{where}{beyond}", **look)  # fmt: skip
-        for side in (whole.states < 0.0, whole.states > 0.0):
+        for side in ways:
             if not side.any():
                 continue
             at = x * whole.states[side]
@@ -58,3 +65,12 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         columns = 1 if 2 * max(len(str(label)) for label in labels) > WIDE else 2
         figure.legend(loc="outside lower center", ncols=columns, markerscale=2.0)
     return figure
+
+
+def _law(whole: Together, v: Floats, ways: Sequence[Flags]) -> Floats:
+    """The law's forces at velocities (samples,), each from the side of its sign."""
+    sides = [
+        np.interp(v, whole.states[side], whole.forces[side]) if side.any() else np.zeros(v.size)
+        for side in ways
+    ]
+    return np.where(v < 0.0, *sides)
