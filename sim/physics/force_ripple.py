@@ -114,6 +114,7 @@ force_ripple = Effect(
     prior=0.1,  # cogging of motors with iron, capstans and gears
     elsewhere=0.03,  # no motor there
     sought="waves",
+    contains=("gravity_pendulum",),  # a wave as long as a turn
     starts=_starts,
     sweep=_sweep,
     bounds=_bounds,
