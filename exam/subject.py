@@ -15,8 +15,9 @@ from zwidth.sim.trace import Trace
 class Present:
     """An effect that a rig has.
 
-    share: of what drives the rig, or of its travel; magnitude as in `seeking.magnitude`; sigma:
-    by how much the rest of the truth, linear parameters refitted, predicts the recordings worse.
+    share: its size over the driving force, or over the travel. magnitude: as in
+    `seeking.magnitude`. sigma: how much worse the recordings are predicted by the true device
+    without this effect, after its linear parameters are refitted.
     """
 
     effect: str
@@ -31,11 +32,11 @@ class Present:
 class Subject:
     """One device under examination.
 
-    traces: recordings to fit; judged: recordings to judge by, none or one. hidden: the library's
-    effects that it has, law: what it has of no name, outside: what it has of another library, in
-    JSON's types. device_file: "guessed", "fitted" or "exact".
-    about: all else that made it, in JSON's types. floor: rms error of the truth itself over free
-    runs where no device of ours is the truth, None elsewhere.
+    traces: recordings to fit. judged: recordings to judge the fit, none or one. hidden: effects of
+    the library that the device has. law: its law that is not in the library. outside: its effect
+    from another library, as JSON. device_file: "guessed", "fitted" or "exact". about: all other
+    settings that made it, as JSON. floor: rms error of the true device in free runs, if it is not
+    one that zwidth can describe; else None.
     """
 
     stratum: str

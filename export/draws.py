@@ -110,10 +110,10 @@ def independent_sentence(device: Device) -> str:
     """A sentence that draws are independent, and on their source."""
     known = device.uncertainty
     return (
-        f"{device.name} has no [posterior], which a diagnosis writes into NAME.augmented.toml, so"
-        f" draws are independent, by the shares of [uncertainty] (masses {known.masses:.0%},"
-        f" springs {known.springs:.0%}, dampers {known.dampers:.0%}, gain"
-        f" {known.command_scale:.0%}), and effects stay as they are"
+        f"{device.name} has no [posterior] (a diagnosis writes one into NAME.augmented.toml), so"
+        " parameters are drawn independently of each other, with the relative standard deviations"
+        f" in [uncertainty] (masses {known.masses:.0%}, springs {known.springs:.0%}, dampers"
+        f" {known.dampers:.0%}, gain {known.command_scale:.0%}), and effects are not varied"
     )
 
 

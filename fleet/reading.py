@@ -7,7 +7,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.files.protection import reading
 from zwidth.logs.assumed import assumed
 from zwidth.logs.open_source import own_log
-from zwidth.logs.recording import read_described, read_recording
+from zwidth.logs.recording import read_recording, read_source
 from zwidth.logs.recording_file import description_of, load_description
 from zwidth.logs.source import Source
 from zwidth.sim.device import Device
@@ -26,7 +26,7 @@ def trace_of(path: Path) -> Trace:
         return found.tick
     guess = assumed(found, path.name)
     made = description_of(guess.text.encode(), path.with_suffix(".recording.toml"))
-    return read_described(made, path.parent)
+    return read_source(made, found, of_file=True)
 
 
 def experiment_of(path: Path, device: Device, name: str) -> Experiment:

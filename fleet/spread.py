@@ -163,7 +163,9 @@ def _read(
     known = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
     for name, column in {"values": y, **known}.items():
         if not np.all(np.isfinite(column)):
-            raise ValueError(f"{name} holds NaN or infinity; leave those recordings out")
+            raise ValueError(
+                f"{name} has NaN or infinite numbers; leave out the recordings that they belong to"
+            )
     for name in set(known) & {DEVICE, RUN}:
         raise ValueError(
             f"a column is called {name!r}, which is the name of a level; give it another name"

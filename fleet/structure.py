@@ -207,7 +207,7 @@ def sought(
         found[frozenset(begun.labels)] = own, np.zeros(len(own.parameters)), 0.0
     wanting = len(experiments)
     for e in experiments:
-        say(f"searching {e.name}")
+        say(f"searching for missing physics in {e.name}")
         try:
             tried = search(bare.nominal, [e], effort)
         except NoObserver:

@@ -6,6 +6,7 @@ weighted least squares over stable, interlacing modes (`identification/coordinat
 repeated as in `identification/search.py`, with the covariance of `identification/problem.py`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,6 +75,7 @@ def fit_response(
     delay: float | None = 0.0,
     from_hz: float = 0.7,
     to_hz: float = 300.0,
+    say: Callable[[str], object] = lambda _: None,
 ) -> Fit:
     """Fit eq. (1) with a number of modes (None: as many as the data show) to a recording.
 
@@ -81,11 +83,11 @@ def fit_response(
     changes the response by less than 3 % everywhere is dropped: friction and steps leave errors of
     this size, which a zero beside a pole would reduce.
 
-    delay: from command to force [s] if it is known; None fits it too. Short gaps are filled in
-    (`logs/stretches.py`). If there are longer ones, or the clock jumps, or a value is not finite,
-    the longest stretch without any of these is fitted, since the force in a gap is unknown. Raises
-    RecordingError, with what to record instead, if the recording does not support the fit,
-    ValueError for bad arguments.
+    delay: from command to force [s] if it is known; None fits it too. say: called with what is
+    fitted next. Short gaps are filled in (`logs/stretches.py`). If there are longer ones, or the
+    clock jumps, or a value is not finite, the longest stretch without any of these is fitted, since
+    the force in a gap is unknown. Raises RecordingError, with what to record instead, if the
+    recording does not support the fit, ValueError for bad arguments.
     """
     if modes is not None and not 0 <= modes <= MAX_MODES:
         raise ValueError(f"modes is {modes}; it must be from 0 (a rigid body) to {MAX_MODES}")
@@ -104,17 +106,24 @@ def fit_response(
             f"the coherence between {command!r} and {output!r} is {middle:.2f} in the median; at"
             f" least {MIN_COHERENCE} is needed: drive harder, record longer, or lower the noise"
         )
-    fit = fit_data(Data(trace[command], trace[output], measured), modes, delay)
+    fit = fit_data(Data(trace[command], trace[output], measured), modes, delay, say)
     return replace(fit, note=note)
 
 
-def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) -> Fit:
+def fit_data(
+    data: Data,
+    modes: int | None = None,
+    delay: float | None = 0.0,
+    say: Callable[[str], object] = lambda _: None,
+) -> Fit:
     """Fit a recording whose frequency response is known already; see `fit_response`."""
     period = data.measured.windows.period
     if modes is not None:
+        say(_with_modes(modes))
         return _fit(data, Coordinates(modes, period, delay))
     fits: list[Fit] = []
     for count in range(MAX_MODES + 1):
+        say(f"{100.0 * count / (MAX_MODES + 1):.0f} %, {_with_modes(count)}")
         fits.append(_fit(data, Coordinates(count, period, delay)))
         richer_is_rejected = len(fits) > 1 and propose(fits) < len(fits) - 1
         if richer_is_rejected and fits[-2].misfit <= REJECTED:
@@ -123,6 +132,12 @@ def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) ->
     while chosen and _least_change(fits[chosen]) < LEAST_CHANGE:
         chosen -= 1
     return fits[chosen]
+
+
+def _with_modes(count: int) -> str:
+    if count == 0:
+        return "as a rigid body"
+    return "with 1 vibration mode" if count == 1 else f"with {count} vibration modes"
 
 
 def _least_change(fit: Fit) -> float:

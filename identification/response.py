@@ -117,8 +117,8 @@ def frequency_response(
     for name in (command, output):
         if name not in trace.channels:
             raise RecordingError(
-                f"the recording has no channel {name!r}; it has {', '.join(trace.channels)}: choose"
-                " the command to the motor and the position that it drives"
+                f"the recording has no channel {name!r}; it has {', '.join(trace.channels)}: name"
+                " the motor's command, and the position of the mass that the motor drives"
             )
     u, y = trace[command], trace[output]
     _check(trace, u, y, command, output, window)
@@ -154,20 +154,23 @@ def windows_of(
 def _check(trace: Trace, u: Floats, y: Floats, command: str, output: str, window: int) -> None:
     if len(trace) < 2 * window:
         raise RecordingError(
-            f"the recording has {len(trace)} samples; at least two windows of {window} are needed:"
-            " record longer, 30 s at 1 kHz is plenty"
+            f"the recording has {len(trace)} samples, but at least two windows of {window} samples"
+            " are needed; record longer (30 s at 1 kHz is plenty)"
         )
     steps = np.diff(trace.t)
     period = float(np.median(steps))
     uneven = np.flatnonzero(~(np.abs(steps - period) <= UNEVEN * period))
     if uneven.size:
         raise RecordingError(
-            f"the samples at {trace.t[uneven[0]]:.6g} s are {steps[uneven[0]]:.3g} s apart,"
-            f" elsewhere {period:.3g} s; use a stretch without gaps, or record at an even rate"
+            f"the time between samples is {steps[uneven[0]]:.3g} s at {trace.t[uneven[0]]:.6g} s,"
+            f" but {period:.3g} s elsewhere; use a stretch without gaps, or record at a constant"
+            " rate"
         )
     for name, values in ((command, u), (output, y)):
         if not np.all(np.isfinite(values)):
-            raise RecordingError(f"channel {name!r} has values that are not finite; cut them out")
+            raise RecordingError(
+                f"channel {name!r} has values that are not finite; remove these samples"
+            )
         if np.ptp(values) == 0.0:
             raise RecordingError(
                 f"channel {name!r} is constant at {values[0]:g}; record while the device is driven"

@@ -70,7 +70,7 @@ class _Parts(Collector):
     def walk(self, name: str, value: object, depth: int) -> None:
         """Take a value and all within it."""
         if len(self.signals) + len(self.unreadable) > MOST_PARTS:
-            raise RecordingError(f"it has more than {MOST_PARTS} parts")
+            raise RecordingError(f"the file has more than {MOST_PARTS} signals")
         if depth > DEEPEST:
             self.unreadable[name] = f"lies more than {DEEPEST} objects deep"
         elif isinstance(value, dict):
@@ -135,7 +135,7 @@ class _Parts(Collector):
                     column.extend([None] * (k - len(column)))
                     column.append(value)
             if len(columns) > MOST_PARTS:
-                raise RecordingError(f"it has more than {MOST_PARTS} parts")
+                raise RecordingError(f"the file has more than {MOST_PARTS} signals")
         for key, column in columns.items():
             column.extend([None] * (len(records) - len(column)))
             self.take(f"{name}.{key}" if name else key, column)

@@ -44,9 +44,9 @@ def check_elements(data: bytes, most: int) -> None:
         elif kind == MATRIX:
             top.body(0)
         else:
-            raise BrokenElements(f"a variable of type {kind}")
+            raise BrokenElements(f"a variable has the type {kind}, which is not that of an array")
         if size == 0:
-            raise BrokenElements("a variable without content")
+            raise BrokenElements("a variable is empty")
         top.at = following
 
 
@@ -54,7 +54,7 @@ def _inflated(data: bytes, most: int) -> bytes:
     try:
         found = zlib.decompressobj().decompress(data, most + 1)
     except zlib.error as error:
-        raise BrokenElements(f"a variable that cannot be decompressed ({error})") from None
+        raise BrokenElements(f"a variable cannot be decompressed ({error})") from None
     if len(found) > most:
         raise TooLarge
     return found
@@ -71,7 +71,7 @@ class _Walk:
     def tag(self) -> tuple[int, int]:
         """Read two words: type and size of an element, or its flags."""
         if self.at + 8 > len(self.data):
-            raise BrokenElements("it ends within a variable")
+            raise BrokenElements("the file ends within a variable")
         found = self.words.unpack_from(self.data, self.at)
         self.at += 8
         return found[0], found[1]
@@ -85,9 +85,9 @@ class _Walk:
             kind, start = first, self.at
             self.at += size + -size % 8
         if kind not in DATA:
-            raise BrokenElements(f"data of type {kind}")
+            raise BrokenElements(f"a variable has data of type {kind}, which does not exist")
         if start + size > len(self.data) or (first >> 16 and size > 4):
-            raise BrokenElements("it ends within a variable")
+            raise BrokenElements("the file ends within a variable")
         return self.data[start : start + size]
 
     def numbers(self) -> list[int]:
@@ -100,8 +100,10 @@ class _Walk:
     def matrix(self, depth: int) -> None:
         """Pass over one matrix."""
         kind, size = self.tag()
-        if kind != MATRIX or depth > DEEPEST:
-            raise BrokenElements("something else where a matrix must be, or too deep a structure")
+        if kind != MATRIX:
+            raise BrokenElements(f"a value has the type {kind}, where only an array is allowed")
+        if depth > DEEPEST:
+            raise BrokenElements(f"a structure is nested more than {DEEPEST} levels deep")
         if size:
             self.body(depth)
 
@@ -117,7 +119,7 @@ class _Walk:
             return
         dimensions = self.numbers()
         if len(dimensions) < 2 or min(dimensions) < 0:
-            raise BrokenElements(f"an array of dimensions {dimensions}")
+            raise BrokenElements(f"an array has the impossible dimensions {dimensions}")
         count = math.prod(dimensions)
         self.element()  # name
         if kind == OBJECT:
@@ -131,11 +133,11 @@ class _Walk:
         elif kind == FUNCTION:
             self.matrix(depth + 1)
         else:
-            raise BrokenElements(f"an array of class {kind}")
+            raise BrokenElements(f"an array has the unknown class {kind}")
 
     def fields(self) -> int:
         """Read the names of a structure's fields; return how many there are."""
         lengths, names = self.numbers(), self.element()
         if len(lengths) != 1 or lengths[0] <= 0:
-            raise BrokenElements("field names without a length")
+            raise BrokenElements("the length of the field names of a structure is missing")
         return len(names) // lengths[0]

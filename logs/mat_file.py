@@ -68,7 +68,7 @@ class _Parts(Collector):
 
     def take(self, name: str, values: Any) -> None:
         if len(self.signals) + len(self.unreadable) >= MOST_PARTS:
-            raise RecordingError(f"it has more than {MOST_PARTS} parts")
+            raise RecordingError(f"the file has more than {MOST_PARTS} variables and fields")
         self.add(name, values)
 
     def call(self, name: str, value: dict[str, Any]) -> None:

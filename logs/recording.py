@@ -95,10 +95,13 @@ def read_described(description: Description, folder: Path) -> Trace:
         raise RecordingError(f"{path.name} needs more memory than there is; split it") from None
 
 
-def read_source(description: Description, source: Source) -> Trace:
-    """Return what a description makes of signals that are at hand; raises as above."""
+def read_source(description: Description, source: Source, of_file: bool = False) -> Trace:
+    """Return what a description makes of signals that are at hand; raises as above.
+
+    of_file: whether they are all that is described, and of a file, whose hash is then noted.
+    """
     try:
-        return _read(description, source, {}, "")
+        return _read(description, source, {}, _sha256(source.path) if of_file else "")
     except RecordingError as error:
         raise RecordingError(f"{source.path.name}: {error}") from None
 

@@ -1,6 +1,6 @@
 """Replay a log: from the file alone, simulate the run again and compare it bit for bit."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 
@@ -38,11 +38,16 @@ class ReplayResult(Shown):
     trace: Trace | None = field(default=None, compare=False)
 
 
-def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayResult:
+def replay(
+    path: str | PathLike[str],
+    controller: Step | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> ReplayResult:
     """Rebuild a run from its log alone, simulate it again, compare every channel bit for bit.
 
-    controller: the user's own control law, where the run had one. A log that ends early is compared
-    as far as it goes. NaN equals NaN, whatever its payload.
+    controller: the user's own control law, where the run had one. progress: called with the share
+    done, first when the log is read. A log that ends early is compared as far as it goes. NaN
+    equals NaN, whatever its payload.
 
     Raises LogError for a file that is no log, ScenarioError, NotTheSame or ReplayError for one
     whose run cannot be rebuilt: a recording, attachments missing or changed, a controller not
@@ -51,14 +56,20 @@ def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayR
     log = read_log(path)
     if len(log.tick) == 0:
         raise ReplayError(f"{log.path} holds no sample; there is nothing to compare")
+    tell = progress or _silent
+    tell(0.0)
     scenario = _scenario(log, controller)
     try:
         setup, notes = with_computed(scenario.prepare(), _attachment(log, COMPUTED))
     except ValueError as error:
         raise ReplayError(f"{log.path}: {error}") from None
     notes = [*log.warnings, *_doubts(log, scenario), *notes]
-    found = _first_difference(log, scenario, setup)
+    found = _first_difference(log, scenario, setup, tell)
     return ReplayResult(found is None, len(log.tick), found, tuple(notes), log.tick)
+
+
+def _silent(_: float) -> None:
+    pass
 
 
 def _attachment(log: Log, name: str) -> bytes:
@@ -99,13 +110,16 @@ def _doubts(log: Log, scenario: Scenario) -> Iterator[str]:
             yield f"{own.file} is not the effect {name} with which the log was written"
 
 
-def _first_difference(log: Log, scenario: Scenario, setup: Setup) -> Difference | None:
+def _first_difference(
+    log: Log, scenario: Scenario, setup: Setup, tell: Callable[[float], object]
+) -> Difference | None:
     whole, period, fine = not log.warnings, setup.eq.period, log.substep
     ticks = Comparison(TICK, log.tick, period, 1, whole)
     substeps = None
     if scenario.fine and fine is not None:
         substeps = Comparison(SUBSTEP, fine, period, int(setup.eq.substeps.sum()), whole)
     comparisons = [c for c in (ticks, substeps) if c is not None]
+    done = 0
     for block in run_blocks(scenario, setup):
         _check_channels(log, set(block.tick.channels) - set(log.tick.channels), TICK)
         found = [ticks.block(block.tick)]
@@ -115,6 +129,8 @@ def _first_difference(log: Log, scenario: Scenario, setup: Setup) -> Difference 
         first = min((d for d in found if d is not None), key=lambda d: d.tick, default=None)
         if first is not None or (not whole and all(c.exhausted for c in comparisons)):
             return first
+        done += len(block.tick)
+        tell(min(1.0, done / len(log.tick)))
     left = [c.rest() for c in comparisons]
     return next((d for d in left if d is not None), None)
 

@@ -150,7 +150,7 @@ def _device(top: Table, files: Files) -> Device:
         if name not in shipped_devices():
             raise TableError(
                 f"device.name is {name!r}, which is not a shipped device;"
-                f" {nearest(name, shipped_devices())} (give a file of your own as path)"
+                f" {nearest(name, shipped_devices())} (for a device file, use device.path)"
             )
         device = load_device(name)
     elif "path" in table:

@@ -27,18 +27,21 @@ class MeasuredPoint(NamedTuple):
 
     @property
     def damping_meant(self) -> float | None:
-        """B that the neighbours imply where no smooth plant explains the printed one, else None."""
+        """B that the other rows imply, if the printed B is a misprint; else None."""
         return None if self.judged is None else self.judged.meant
 
     @property
     def place(self) -> float:
-        """The damping at which the point belongs: the printed one unless it is a misprint."""
+        """The damping to use for the point: the printed one, unless it is a misprint."""
         return self.damping if self.damping_meant is None else self.damping_meant
 
 
 @cache
 def table_2() -> tuple[MeasuredPoint, ...]:
-    """Return the 26 rows in the order of the paper: 2 ms, 8 ms, 4 ms, each judged by the others."""
+    """Return the 26 rows in the paper's order of delays: 2, 8, 4 ms.
+
+    `judged` of a row says whether the other rows make it a misprint (`scenarios.misprints`).
+    """
     with TABLE.open("rb") as file:
         rows = tomllib.load(file)["row"]
     printed = [
@@ -57,7 +60,7 @@ def table_2() -> tuple[MeasuredPoint, ...]:
 
 
 def measured_at(delay: float) -> list[MeasuredPoint]:
-    """Return the points measured at a delay [s], in rising order of the damping they belong to."""
+    """Return the points measured at a delay [s], in rising order of `place`, their damping."""
     return sorted(
         (point for point in table_2() if abs(point.delay - delay) < 1e-9),
         key=lambda point: point.place,

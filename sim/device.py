@@ -274,7 +274,7 @@ def place_label(physics: Physics) -> str:
 
 
 def home(physics: Physics) -> str | None:
-    """Return where the quantity of this effect stands in a device file, None for [[physics]]."""
+    """Return the table of a device file that has this effect's quantity; None: [[physics]]."""
     if physics.effect.in_interface is not None:
         return "[interface]"
     if physics.effect.in_chain is not None and physics.place == Place("mass", 0):
@@ -288,15 +288,15 @@ def has_needed(effect: Effect, device: Device) -> bool:
 
 
 def known(effect: Effect, place: Place, device: Device) -> bool:
-    """Whether the device already has the quantity of this effect, or cannot use it."""
+    """Whether an effect need not be sought: the device has its quantity, or cannot use it."""
     home = effect.in_interface
     if effect.sought in ("given", "learned") or not has_needed(effect, device):
         return True
     if home is not None and not effect.adds:
         (parameter,) = effect.parameters
         return getattr(device.interface, home) != parameter.neutral
-    # With a spring to ground, the recording's origin is fitted: the same as a constant force, as
-    # long as that spring is straight. One that is not is pushed to where it bends another way.
+    # With a spring to ground, the recording's origin is fitted. This is the same as a constant
+    # force if that spring is linear; a force on a nonlinear spring also changes its stiffness.
     sprung, told = device.chain.ground_spring > 0.0, effect.known_if_sprung
     if told == "straight" and any(p.effect.name == "cubic_stiffness" and p.at == "ground"
                                   for p in device.physics):  # fmt: skip

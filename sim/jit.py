@@ -18,7 +18,9 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.event import Event, Listener, register
 
+from zwidth.sim.compiling import tell
 from zwidth.sim.own_files import own_texts
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -46,6 +48,29 @@ def cache_folder() -> Path:
 
 
 numba.config.CACHE_DIR = str(cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class _Compiling(Listener):
+    """Tells when numba begins to compile and when it has ended, and nothing where it loads.
+
+    What a kernel absorbs is compiled within it, so these calls are nested, and only the outermost
+    counts. They come from one thread at a time, which holds numba's lock.
+    """
+
+    depth = 0
+
+    def on_start(self, event: Event) -> None:
+        self.depth += 1
+        if self.depth == 1:
+            tell(True)
+
+    def on_end(self, event: Event) -> None:
+        self.depth -= 1
+        if self.depth == 0:
+            tell(False)
+
+
+register("numba:compile", _Compiling())
 
 # _nrt off: no reference counts in kernels (they cost more than the arithmetic), hence no allocation
 # there either; callers bring every array. forceinline: a NamedTuple of arrays handed to a function

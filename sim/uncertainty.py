@@ -40,10 +40,10 @@ class Uncertainty(Valued):
         ):
             value = getattr(self, field)
             if not least <= value <= most:  # nor is what is not a number
-                what = "in m or rad" if field == "zeros" else "as a share of the value"
+                what = "m or rad" if field == "zeros" else "relative to the value"
                 raise ValueError(
-                    f"uncertainty.{field} is {value}; it is a standard deviation, {what}, and must"
-                    f" be from {least:g} to {most:g}"
+                    f"uncertainty.{field} is {value}; this standard deviation ({what}) must be from"
+                    f" {least:g} to {most:g}"
                 )
 
 

@@ -35,7 +35,9 @@ def step(
 ) -> subprocess.CompletedProcess[str]:
     """Run a step with these inputs, as a runner does: expressions in `env`, bash -e -o pipefail.
 
-    kernels: the folder that the step "Kernels" gives, by default that of these tests.
+    What is run is the zwidth of these tests, and not another that this Python has installed: its
+    kernels would be others. kernels: the folder that the step "Kernels" gives, by default that of
+    these tests.
     """
     action: Any = yaml.safe_load(ACTION.read_text())
     inputs = {key: given.get(key, own.get("default", "")) for key, own in action["inputs"].items()}
@@ -57,6 +59,7 @@ def step(
         "GITHUB_OUTPUT": str(folder / "output"),
         "GITHUB_STEP_SUMMARY": str(folder / "summary"),
         "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
     }
     return subprocess.run(
         ["bash", "-e", "-o", "pipefail", "-c", own["run"]], cwd=folder, check=False,
@@ -143,7 +146,7 @@ def test_the_first_check_compiles_into_the_cached_folder_and_the_second_does_not
     given = {"device": "bench.toml", "logs": "logs/monday.csv"}
     first = step("Check", given, rig, folder)
     assert first.returncode == 0, first.stderr
-    assert "compiling the simulation into" in first.stdout
+    assert "compiling the parts of the simulation that are not in" in first.stderr
     kept = {f: f.stat().st_mtime for f in folder.rglob("*.nbc")}
     assert kept
     again = step("Check", given, rig, folder)

@@ -84,10 +84,11 @@ def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     (found,) = json.loads((tmp_path / "found.json").read_text())["boundaries"]
     top = found["stiffest"]
     assert line == top["sentence"]
-    assert line.startswith(f"Up to {1e-3 * top['stiffness']:.4g} N/mm at B = 6 N s/m (the largest")
+    k = f"{1e-3 * top['stiffness']:.4g} N/mm"
+    assert line.startswith(f"Walls are stable up to {k}, at B = 6 N s/m (the largest tried)")
     assert "the rigid body oscillates at 119 Hz" in line
-    assert "friction adds" in line
-    assert "the encoder's step changes it by less than 0.2 %" in line
+    assert "friction raises K by" in line
+    assert "the encoder's step changes K by less than 0.2 %" in line
     (end,) = top["endings"]
     assert end["spring_lag_deg"] == pytest.approx(0.18 * end["frequency_hz"])
     assert end["damper_lag_deg"] == pytest.approx(0.36 * end["frequency_hz"])
@@ -111,19 +112,20 @@ def test_it_says_in_which_oscillation_the_simulation_ends(tmp_path: Path) -> Non
     f = held["frequency_hz"]
     assert f < 0.6 * held["endings"][0]["frequency_hz"]
     assert (
-        f"it oscillates at {f:.3g} Hz (in linear theory the rigid body at 17.4 Hz)"
+        f"wall oscillates at {f:.3g} Hz (linear theory predicts the rigid body at 17.4 Hz)"
         in (held["sentence"])
     )
     lags = 360.0 * f * 3.5e-3, 360.0 * f * 4e-3  # T/2 + t_d, T + t_d
-    assert f"spring {lags[0]:.0f}\u00b0 late and its damper {lags[1]:.0f}\u00b0" in held["sentence"]
+    late = f"lags by {lags[0]:.0f}\u00b0 and its damping force by {lags[1]:.0f}\u00b0"
+    assert late in held["sentence"]
 
     windows = answer("gaming_wheel", "--damping", "0.8", "--estimator", "foaw")
     f = windows["frequency_hz"]
     assert (
-        f"it oscillates at {f:.3g} Hz: sampling and delay make the wall's spring"
+        f"wall oscillates at {f:.3g} Hz: by sampling and delay, the spring force of the"
         in (windows["sentence"])
     )
-    assert "its damper" not in windows["sentence"]
+    assert "its damping force" not in windows["sentence"]
     assert "encoder_step" not in windows["without"]
 
     device = tmp_path / "two.toml"
@@ -134,7 +136,7 @@ def test_it_says_in_which_oscillation_the_simulation_ends(tmp_path: Path) -> Non
     )
     rates = answer(str(device), "--damping", "24")
     late = 360.0 * rates["frequency_hz"] * 1e-3
-    assert f"spring {late:.0f}\u00b0 late and its damper {late:.0f}\u00b0" in rates["sentence"]
+    assert f"by {late:.0f}\u00b0 and its damping force by {late:.0f}\u00b0" in rates["sentence"]
 
 
 def test_the_two_oscillations_of_the_answer_are_those_of_the_corner() -> None:
@@ -169,7 +171,7 @@ def test_what_is_felt_is_a_second_boundary(
         assert run([*arguments, "--felt", "--json", str(tmp_path / "found.json")]) == 0
         (boundary,) = json.loads((tmp_path / "found.json").read_text())["boundaries"]
         (point,) = boundary["points"]
-        assert "Nothing of the steps is felt up to" in boundary["stiffest"]["sentence"]
+        assert "A hand feels no dither up to" in boundary["stiffest"]["sentence"]
         assert "felt_reason" not in point
         found.append([point["felt"]["stable"], point["simulated"]["stable"]])
     (fine, of_fine), (coarse, of_coarse) = found

@@ -46,7 +46,7 @@ MOTOR = Device("motor", "", True, make_chain([1.2e-3], [6e-3]), Interface(period
 # What is said where the device file leaves the command's scale open, and only there.
 SCALE = (
     "the command's scale: 0.938 (0.920 to 0.950);"
-    " forces, masses, springs and dampers are all proportional to this scale"
+    " all forces, masses, springs and dampers are proportional to this scale"
 )
 
 
@@ -184,7 +184,7 @@ def _what_else_it_may_say(
     assert run(line) == 130
     out, _ = capsys.readouterr()
     assert "\ninterrupted, so this is the result so far: Coulomb friction of " in out
-    assert "augmented.toml\nthe command is multiplied by 0.938 in the augmented device" in out
+    assert "augmented.toml\nthe augmented device multiplies the command by 0.938" in out
     assert f"\n{SCALE}\n" in out
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
@@ -193,7 +193,7 @@ def _what_else_it_may_say(
     assert "Coulomb friction at the motor</td>" in page
     assert '<td class="text">below 1 mN m</td>' in page
     assert '<td class="text">within 3e-7 of 1</td>' in page
-    assert "The command is multiplied by 0.938 in the augmented device" in page
+    assert "The augmented device multiplies the command by 0.938" in page
     assert SCALE[1:] in html.unescape(page).replace("\u00a0", " ")
     assert '<td class="text">gain</td>' not in page
 

@@ -90,6 +90,17 @@ def test_a_free_force_must_gain_more_than_another_model_of_the_noise(
     assert found.gained == pytest.approx(10.0, abs=0.5)
 
 
+def test_a_free_force_acts_beside_an_event_on_fewer_masses():
+    """A hit on the first link of three masses, which the recording knows of."""
+    e = record(phantom(), 2.0, seed=12)
+    hit = np.zeros((e.ticks, 2))
+    hit[900:910] = [[0.05, -0.05]]
+    knowing = e.pushed_by(hit)
+    assert knowing.pushed_by(np.ones((e.ticks, 3))).external(3)[905].tolist() == [1.05, 0.95, 1.0]
+    _, fitted = refit(phantom(), [knowing])
+    assert unknown.unknown([knowing], fitted) is not None
+
+
 def test_held_out_data_begin_where_they_fit():
     """A device in motion at their start, under an observer that takes long to find it.
 

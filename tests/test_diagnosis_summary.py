@@ -51,7 +51,7 @@ def test_the_title_names_what_is_missing_without_numbers():
         "Missing: Coulomb friction at the motor and gravity pendulum at the motor"
     )
     assert title(found(Verdict.IDENTIFIED, *[FRICTION] * 5)).endswith("and 2 more")
-    assert title(found(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
+    assert title(found(Verdict.NOTHING_MISSING)) == "This recording shows no missing physics"
 
 
 def test_a_law_that_includes_an_effect_stands_in_its_place():

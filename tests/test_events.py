@@ -283,7 +283,8 @@ def test_of_a_force_that_does_not_show_no_time_is_said():
 def test_a_diagnosis_says_what_happened_and_bends_no_parameter():
     """Mutation that breaks it: no search after an event is known."""
     e, _ = recording(HIT)
-    found = diagnose(DEVICE, [e], effort=QUICK)
+    brief = replace(QUICK, effects=1, near=2, far=1, rivals=1)
+    found = diagnose(DEVICE, [e], effort=brief)
     (event,) = found.events
     assert event.kind == KINDS[HIT]
     assert event.sentence in found.headline

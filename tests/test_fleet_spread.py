@@ -132,7 +132,7 @@ def test_what_is_wrong_is_named():
         spread(ones, np.ones(2), ["a"] * 3)
     with pytest.raises(ValueError, match="not above 0"):
         spread(ones, np.zeros(3), ["a"] * 3)
-    with pytest.raises(ValueError, match="values holds NaN"):
+    with pytest.raises(ValueError, match="values has NaN"):
         spread(np.array([1.0, np.nan, 2.0]), ones, ["a"] * 3)
     with pytest.raises(ValueError, match="fewer than two"):
         spread(ones, np.array([1.0, np.inf, np.inf]), ["a"] * 3)

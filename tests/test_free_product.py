@@ -130,7 +130,7 @@ ONES = "[[0.0, 1.0], [1.0, 1.0]]"
     [
         (f"first = {ONES}\nsecond = {ONES}", "over is missing; add it"),
         (f'over = ["time"]\nfirst = {ONES}\nsecond = {ONES}',
-         "over has 1 states; give two of position, velocity, command, time"),
+         "over has 1 names; it must have two of position, velocity, command, time"),
         (f'over = ["time", "sped"]\nfirst = {ONES}\nsecond = {ONES}', "over has 'sped'; "),
         (f'over = ["time", "time"]\nfirst = {ONES}\nsecond = {ONES}',
          "over has 'time' twice; give another state for one of them"),

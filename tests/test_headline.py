@@ -117,7 +117,7 @@ def test_a_fault_of_the_recording_comes_first(channels: tuple[str, ...], factor:
 
 def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
-    assert headline(answer()).startswith("Nothing is missing")
+    assert headline(answer()) == "This recording shows no missing physics"
     lost = answer(FRICTION, lost="a part of the search")
     assert headline(lost) == "Undecided: an internal error prevented a part of the search"
     away = answer(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
@@ -214,8 +214,8 @@ def test_where_says_what_the_map_shows():
         maps=(force_map("m1", "velocity", 880.0), force_map("m1", "time"), force_map("m1", "q", 9)),
     )
     assert where(both, 1) == (
-        "before effects are added, the missing force at the motor can be described about equally"
-        " well by time or velocity"
+        "before effects are added, a force at the motor describes what is missing about equally"
+        " well, whether it depends on time or velocity"
     )
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")

@@ -10,6 +10,7 @@ from zwidth import cli
 from zwidth.controllers.excitation import noise
 from zwidth.covariance import load_covariance
 from zwidth.errors import Status
+from zwidth.heartbeat import HEART
 from zwidth.identification.output import position
 from zwidth.sim.device_file import load_device
 
@@ -55,6 +56,22 @@ def test_a_recording_becomes_a_device_with_its_covariance(recording: Path) -> No
     deviation = np.sqrt(spread.values[3, 3])
     assert np.log(high / low) == pytest.approx(2.0 * 1.959964 * deviation, rel=1e-6)
     assert (out / "rec_bode.png").stat().st_size > 10_000
+
+
+def test_it_says_what_it_does(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: a fit that says nothing of its models."""
+    begun: list[str] = []
+    monkeypatch.setattr(HEART, "begins", begun.append)
+    asked = ["identify", str(recording), "--out", str(recording.parent / "out")]
+    assert cli.run([*asked, "--modes", "1"]) == Status.DONE
+    fitting = "fitting the device: with 1 vibration mode"
+    assert begun == ["reading rec.toml", fitting, "drawing the Bode diagram"]
+    begun.clear()
+    assert cli.run(asked) == Status.DONE
+    _, rigid, one, two, *_ = begun
+    assert rigid == "fitting the device: 0 %, as a rigid body"
+    assert one == "fitting the device: 20 %, with 1 vibration mode"
+    assert two == "fitting the device: 40 %, with 2 vibration modes"
 
 
 def test_what_cannot_be_identified_is_refused(

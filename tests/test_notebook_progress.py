@@ -37,12 +37,14 @@ TOLD = {
     "zwidth.find_boundaries([device], [array([0.01, 0.02])], search=fast)": (
         "finding the boundaries: done"
     ),
-    "zwidth.make_map(device, coarse=3, levels=1)": "running the map: done",
+    "zwidth.make_map(device, coarse=3, levels=1)": "computing the map: done",
     "zwidth.sweep(device, values=[50.0], dampings=3, rounds=0, search=fast)": (
         "finding the widest Z-width: done"
     ),
     "zwidth.relay(device, [0.0, 0.01], starts=1)": "running the relay experiment: done",
     "zwidth.plan(cart, 'chirp', seconds=1.0)": "planning the recording: done",
+    "zwidth.identify(session, delay=0.002)": "fitting the device: done",
+    "zwidth.replay(log)": "simulating the log again: done",
     "zwidth.check(known, recording)": "checking the device: done",
 }
 # In each cell: the updates of its line, besides the line as it ends.
@@ -56,7 +58,9 @@ ZMQDisplayPublisher.publish = watched
 """
 PREPARED = """
 from dataclasses import replace
+from tempfile import TemporaryDirectory
 from numpy import array
+from numpy.random import default_rng
 from zwidth.sim.band import Band, OutputBand
 fast = zwidth.Search(tolerance=0.05)
 face = zwidth.Interface(period=0.002, delay=0.002, encoder_step=1e-5)
@@ -65,6 +69,13 @@ command = zwidth.excitation(cart, seconds=2.0, level=4.0, travel=0.05)
 recording = zwidth.simulate(cart, zwidth.recorded(command))
 band = Band(0.2, 9, 1.0, (OutputBand("position_m1", 1e-3, 1e-5, 0.1, 0.2),))
 known = replace(cart, band=band)
+noise = zwidth.excitation(cart, "white_noise", seconds=20.0, level=4.0, travel=0.05)
+pushes = 0.02 * default_rng(0).standard_normal(noise.size)
+session = zwidth.simulate(cart, zwidth.recorded(noise), disturbance=pushes)
+folder = TemporaryDirectory()
+log = folder.name + "/run.mcap"
+wall = zwidth.Scenario(cart, zwidth.wall(40.0, 1.0), 0.5, zwidth.Start(1e-3))
+written = zwidth.logged_run(wall, log)
 """
 JOINTS = """
 import numpy as np

@@ -52,7 +52,7 @@ def test_lists_stand_anywhere(line: str):
         ("d --delay-ms 2 4x", "'--delay-ms': 4x is not allowed; give 0 or more [ms]"),
         ("d --delay-ms 2,4", "'--delay-ms': 2,4 is not allowed; give 0 or more [ms]"),
         ("d --delay-ms 2 2", "'--delay-ms': 2 is given twice; give each number once"),
-        ("d --damping 0.1 0", "'--damping': 0 comes after 0.1; give the numbers in rising order"),
+        ("d --damping 0.1 0", "'--damping': 0 follows 0.1; give the numbers in rising order"),
     ],
 )
 def test_wrong_numbers_are_refused_with_what_is_allowed(line: str, sentence: str):

@@ -67,7 +67,7 @@ def test_a_formula_means_what_it_says(formula: str, truth: Callable[..., float])
         ("c * (v and q)", "it may use"),
         ("c * True", "it may use"),
         ("c * [v][0]", "it may use"),
-        ("c * min(v)", "min 1 numbers; it takes 2"),
+        ("c * min(v)", "min with 1 argument(s); it takes 2"),
         ("c * _power(v, 2)", "it may use"),
         ("c * v if 0 < v < 1 else 0", "it may use"),
         ("c *", "is not an expression"),
@@ -82,7 +82,7 @@ def test_nothing_but_arithmetic_is_a_formula(formula: str, said: str):
     ("old", "new", "said"),
     [
         ('"cubic_drag"', '"Cubic drag"', "name is 'Cubic drag'"),
-        ("-c * v**3", "-c * v**3 + 1", "though c are 0|though c is 0"),
+        ("-c * v**3", "-c * v**3 + 1", "with c at 0; it must then be 0"),
         ("[parameters.c]", "[parameters.v]", "parameters has 'v'"),
         ("[parameters.c]", 'enters = "sensor"\n[parameters.c]', "formula has 'v'"),
         ("[parameters.c]", 'at = ["m9"]\n[parameters.c]', "at has 'm9'"),

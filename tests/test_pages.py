@@ -33,7 +33,7 @@ IN_LINE = re.compile(r"`(zwidth [^`]+)`")
 MODULE = re.compile(r"python -m (benchmarks(?:\.\w+)+)")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 # Of a command, or an option of it, that is only named; of a file that an earlier command writes.
-NO_FAULT = ("no device is given", "requires an argument", "does not exist")
+NO_FAULT = ("argument DEVICE is missing", "requires an argument", "does not exist")
 # What stands for a word of the reader's: DEVICE.toml, FILE, N, and [--optional parts].
 OPTIONAL = re.compile(r"\[[^\]]*\]")
 
@@ -99,7 +99,7 @@ def test_commands_of_pages_are_understood(page: Path):
 CHEAP = ("devices", "effects", "convert", "export")
 # What a page leaves to its reader: a file of his, or an effect that he wrote.
 NOT_HERE = re.compile(
-    r"no device is given|does not exist|no (such )?file|neither a file nor|is not a file"
+    r"DEVICE is missing|does not exist|no (such )?file|neither a file nor|is not a file"
     r"|there is no effect"
     r"|missing argument|requires an argument",
     re.IGNORECASE,

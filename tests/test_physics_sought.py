@@ -145,6 +145,10 @@ CASES = {  # richer effect, its values -> simpler one, its values
     "gravity_pendulum": (
         {"level": 1e-3, "angle": -QUARTER}, "constant_force", {"level": 1e-3},
     ),
+    "force_ripple": (
+        {"amplitude": 1e-3, "period": 2.0 * np.pi, "phase": 0.3 + np.pi},
+        "gravity_pendulum", {"level": 1e-3, "angle": 0.3},
+    ),
     "hysteresis": (
         {"stiffness": 0.5, "level": 1e4, "shape": 1.5}, "ground_spring", {"stiffness": 0.5},
     ),
@@ -163,8 +167,9 @@ CASES = {  # richer effect, its values -> simpler one, its values
 def test_a_richer_effect_is_at_some_values_the_simpler_one(name: str):
     """Within 3 % of what the simpler one does. Mutation: `contains` of a drag, for hysteresis.
 
-    A weight whose lever lies level is a constant force while the device hardly turns; a spring that
-    yields nowhere, and a mass too heavy to move, are a spring to ground.
+    A weight whose lever lies level is a constant force while the device hardly turns; a wave as
+    long as a turn is a weight, half a turn on; a spring that yields nowhere, and a mass too heavy
+    to move, are a spring to ground.
     """
     richer, simple, values = CASES[name]
     device = phantom()

@@ -93,7 +93,7 @@ def test_without_a_posterior_draws_are_independent_and_said_to_be():
     assert drawn.names == ("m1", "b1")
     assert np.std(np.log(drawn.values[:, 0])) == pytest.approx(0.3, rel=0.05)
     np.testing.assert_allclose(np.corrcoef(drawn.values.T), np.eye(2), atol=0.05)
-    assert "draws are independent" in independent_sentence(bench(None))
+    assert "drawn independently of each other" in independent_sentence(bench(None))
 
 
 def test_the_posterior_reads_back_from_its_file():

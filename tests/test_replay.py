@@ -20,6 +20,7 @@ from zwidth import cli
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.controllers.wall import wall
+from zwidth.heartbeat import HEART
 from zwidth.logs.errors import LogError, LogWriteError
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.mcap_writer import write_log
@@ -421,6 +422,15 @@ def test_simulate_and_replay_on_the_command_line(tmp_path: Path, zwidth: Lines):
     assert status == 1
     assert json.loads(out)["first_difference"]["channel"] == "encoder"
     assert "different: first at tick 77 (t = 0.077 s), /tick encoder: logged" in err
+
+
+def test_it_says_how_far_it_is(tmp_path: Path, zwidth: Lines, monkeypatch: pytest.MonkeyPatch):
+    """Mutation: only the first block is told."""
+    begun: list[str] = []
+    monkeypatch.setattr(HEART, "begins", begun.append)
+    assert zwidth("replay", str(log_of("wall", tmp_path)))[0] == 0
+    shares = ("0 %", "67 %", "100 %")  # 1500 ticks in blocks of 1000
+    assert begun == ["reading wall.mcap", *(f"simulating again, {s}" for s in shares)]
 
 
 def test_your_own_law_on_the_command_line(

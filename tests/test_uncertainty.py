@@ -34,7 +34,7 @@ from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
 LEVEL = 0.02
 FRICTION = make_physics("coulomb_friction", "m1", level=LEVEL)
-DEVIATION = "it is a standard deviation, as a share of the value, and must be"
+DEVIATION = "this standard deviation (relative to the value) must be"
 ODD = Uncertainty(0.1 + 0.2, 1.0 / 3.0, 0.7 / 9.0, 5.0 / 7.0)
 
 

@@ -71,6 +71,7 @@ if _TYPE_CHECKING:
     from zwidth.api.plan import excitation as excitation
     from zwidth.api.plan import plan as plan
     from zwidth.api.relay import relay as relay
+    from zwidth.api.replay import replay as replay
     from zwidth.api.simulate import simulate as simulate
     from zwidth.api.sweep import sweep as sweep
     from zwidth.checking import Check as Check
@@ -108,7 +109,6 @@ if _TYPE_CHECKING:
     from zwidth.scenarios.logged_run import LoggedRun as LoggedRun
     from zwidth.scenarios.logged_run import logged_run as logged_run
     from zwidth.scenarios.replay import ReplayResult as ReplayResult
-    from zwidth.scenarios.replay import replay as replay
     from zwidth.scenarios.scenario import Scenario as Scenario
     from zwidth.scenarios.scenario_file import load_scenario as load_scenario
     from zwidth.sim.chain import Chain as Chain
@@ -233,7 +233,7 @@ HOMES = {
     "recorded": "zwidth.controllers.recorded",
     "region": "zwidth.controllers.region",
     "relay": "zwidth.api.relay",
-    "replay": "zwidth.scenarios.replay",
+    "replay": "zwidth.api.replay",
     "save_device": "zwidth.sim.device_file",
     "save_map": "zwidth.stability.fate_map",
     "shipped_devices": "zwidth.sim.device_file",

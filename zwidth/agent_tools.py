@@ -88,7 +88,7 @@ async def check(
 async def plan(
     device: str, seconds: float = 20.0, noise: float | None = None, out: str = "runs/plan"
 ) -> dict[str, Any]:
-    """Say what a recording would show before it is made, and write commands worth recording.
+    """Predict which effects a recording would show, and write commands worth recording.
 
     device: a device file or the name of a shipped one. seconds: length of the recording. noise: rms
     of a measured position [rad | m]; needed where the device has no encoder step. Takes minutes.

@@ -73,7 +73,7 @@ def _up_to(found: Stiffest, last: str, rotary: bool) -> str:
     if found.stiffness is None or found.damping is None:
         return "No wall is stable at any of these dampings."
     damping = _damping(found.damping, rotary)
-    return f"Up to {_stiffness(found.stiffness, rotary)} at B = {damping}{last}."
+    return f"Walls are stable up to {_stiffness(found.stiffness, rotary)}, at B = {damping}{last}."
 
 
 def _unfelt(points: Sequence[Point], rotary: bool) -> str:
@@ -83,10 +83,10 @@ def _unfelt(points: Sequence[Point], rotary: bool) -> str:
     if not asked:
         return ""
     if not known:
-        return " Every wall that was tried is felt."
+        return " A hand feels dither at every wall that was tried."
     stiffness, damping = max(known)
     where = f"{_stiffness(stiffness, rotary)} at B = {_damping(damping, rotary)}"
-    return f" Nothing of the steps is felt up to {where}."
+    return f" A hand feels no dither up to {where}."
 
 
 def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
@@ -94,21 +94,21 @@ def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
     frequency = _frequency(boundary)
     if frequency is not None and not any(_same(one, frequency) for one in seen):
         expected = " and ".join(f"{_named(one.mode)} at {one.frequency_hz:.3g} Hz" for one in seen)
-        instead = f" (in linear theory {expected})" if seen else ""
+        instead = f" (linear theory predicts {expected})" if seen else ""
         late = _late(*lags(boundary.device.interface, frequency))
-        return f" Stiffer, it oscillates at {frequency:.3g} Hz{instead}: {late}."
+        return f" A stiffer wall oscillates at {frequency:.3g} Hz{instead}: {late}."
     if not seen:
         return ""
     if len(seen) == 1:
         one = seen[0]
         return (
-            f" Stiffer, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz:"
+            f" At a stiffer wall, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz:"
             f" {_late(one.spring_lag_deg, one.damper_lag_deg)}."
         )
     low, high = seen
     return (
-        f" Stiffer, {_named(low.mode)} oscillates at {low.frequency_hz:.3g} Hz; with more damping,"
-        f" {_named(high.mode)} at {high.frequency_hz:.3g} Hz:"
+        f" At a stiffer wall, {_named(low.mode)} oscillates at {low.frequency_hz:.3g} Hz; with more"
+        f" damping, {_named(high.mode)} at {high.frequency_hz:.3g} Hz:"
         f" {_late(high.spring_lag_deg, high.damper_lag_deg)}."
     )
 
@@ -124,12 +124,12 @@ def _same(one: Seen, frequency: float) -> bool:
 
 def _late(spring_deg: float, damper_deg: float | None) -> str:
     """The phase lags of the wall's forces, and the effect on its damper."""
-    late = f"sampling and delay make the wall's spring {spring_deg:.0f}\u00b0 late"
+    late = f"by sampling and delay, the spring force of the wall lags by {spring_deg:.0f}\u00b0"
     if damper_deg is None:
         return late
     turned = 90.0 < damper_deg % 360.0 < 270.0
     drives = ", so that the damper drives the oscillation" if turned else ""
-    return f"{late} and its damper {damper_deg:.0f}\u00b0{drives}"
+    return f"{late} and its damping force by {damper_deg:.0f}\u00b0{drives}"
 
 
 def _named(mode: str) -> str:
@@ -145,10 +145,11 @@ def _parts(found: Stiffest, without: Mapping[str, float | None], rotary: bool) -
         change = found.stiffness - (stiffness or 0.0)
         amount = f"{_stiffness(abs(change), rotary)}"
         if abs(change) <= CHANGES * found.stiffness:
-            said.append(f"{PART_NAMES[part]} changes it by less than {100.0 * CHANGES:g} %")
+            said.append(f"{PART_NAMES[part]} changes K by less than {100.0 * CHANGES:g} %")
         else:
-            said.append(f"{PART_NAMES[part]} {'adds' if change > 0.0 else 'takes'} {amount}")
-    return f" At that B {'; '.join(said)}."
+            does = "raises" if change > 0.0 else "lowers"
+            said.append(f"{PART_NAMES[part]} {does} K by {amount}")
+    return f" At this B, {'; '.join(said)}."
 
 
 def _stiffness(value: float, rotary: bool) -> str:

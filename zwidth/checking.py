@@ -178,11 +178,14 @@ class Check(Shown):
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, but '{self.device}' still does: the machine is as it was, but the model"
-                " or its simulator changed"
+                f"{head}, but '{self.device}' still does: the model or its simulator has changed,"
+                " not the machine"
             )
         if not self.explains:
-            return f"{head}: no change of its own parameters explains it; --diagnose searches"
+            return (
+                f"{head}: no change of the device's parameters explains the errors; --diagnose"
+                " searches for other physics"
+            )
         return f"{head}: {listed([c.sentence for c in self.changed])}"
 
     def as_json(self) -> dict[str, Any]:
@@ -234,17 +237,17 @@ def check(
     run = _own_runs(device)
     pairs: list[tuple[_Taken, Recording]] = []
     for done, (name, stretches) in enumerate(recordings):
-        say(f"{100.0 * done / len(recordings):.0f} %, {name}")
+        say(f"{100.0 * done / len(recordings):.0f} %, checking {name}")
         pairs.append(_read(device, name, stretches, run))
     own = found = [said for _, said in pairs]
     if simulate is not None:
-        say(f"running {simulator}")
+        say(f"simulating the recordings in {simulator}")
         found = [_judged(device, one, simulate) for one, _ in pairs]
     outside = [one for one, said in pairs if not said.within]
     changed: tuple[Changed, ...] = ()
     explains = False
     if outside and not any(said.news for said in own):
-        say("fitting the parameters that changed")
+        say("refitting the parameters, to find which of them changed")
         changed, explains = _changes(device, outside, run)
     told = None if simulate is None else all(said.within for said in own)
     return Check(device.name, tuple(found), changed, explains, simulator, told)
@@ -271,7 +274,7 @@ def rebased(
     if new is None:
         raise ValueError(
             f"the recordings give {found.error.shape[0]} free run(s) of {band.window:g} s without"
-            " overflow, and a band needs two; give longer recordings"
+            " overflow, but a band needs at least two; give longer recordings"
         )
     return replace(device, band=new)
 

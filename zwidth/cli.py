@@ -24,18 +24,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
 # imported when it is called, so that help does not wait for numpy, numba and matplotlib.
 COMMANDS = {
-    "diagnose": (
-        "Say why recordings differ from the simulation of a device, and what physics is missing."
-    ),
+    "diagnose": "Compare recordings of a device with its simulation, and find the missing physics.",
     "check": "Check whether a device file still describes its machine, for automatic builds.",
     "report": "Find the report of a diagnosis, and open it with --open.",
     "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
-    "plan": "Say what a recording would show, before it is made.",
+    "plan": "Predict which effects a recording would show, before you make it.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map the outcome of runs over two quantities, with the linear boundary drawn over it.",
-    "sweep": "Find the interface setting with which a device can render the most walls.",
+    "sweep": "Find the value of an interface setting that gives a device the largest Z-width.",
     "explore": "Explore the K-B plane of a device in the browser.",
     "relay": (
         "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."
@@ -45,7 +43,7 @@ COMMANDS = {
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
     "devices": "List the devices that come with zwidth, or describe one.",
-    "export": "Write a device for another simulator, and list what its format cannot hold.",
+    "export": "Write a device in another simulator's format, and list what it cannot hold.",
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",

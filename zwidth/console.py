@@ -199,10 +199,10 @@ def progress(doing: str, total: int) -> Generator[Advance]:
     with the remaining time, anything else a plain line every few seconds.
     """
     show = _bar if sys.stderr.isatty() else _lines
-    HEART.said(doing)
+    HEART.begins(doing)
     with show(doing, total) as advance:
         yield advance
-    HEART.said("finishing")
+    HEART.begins("finishing")
 
 
 @contextmanager
@@ -242,18 +242,6 @@ def _lines(doing: str, total: int) -> Generator[Advance]:
             print(line, file=sys.stderr)
 
     yield advance
-
-
-def announce(console: Console) -> None:
-    """Tell people why the first call of a version takes longer than all later ones."""
-    from zwidth.sim.jit import cache_folder  # loads numba
-
-    folder = cache_folder()
-    if not any(folder.rglob("*.nbc")):
-        console.say(
-            f"compiling the simulation into {folder} (a minute or more, once for each version)"
-        )
-        HEART.said("compiling")
 
 
 def json_number(value: float | None) -> float | str | None:

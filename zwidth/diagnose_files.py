@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 import numpy as np
 
-from zwidth.console import Column, Console, announce
+from zwidth.console import Column, Console
 from zwidth.diagnosis.answer.held_out import models_of
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
@@ -84,8 +84,7 @@ def diagnose_files(
     joint = robot[1] if robot[0] is None else None  # of a table with several, not of a model
     doubts: list[str] = []
     every = (*recordings, *validate)
-    HEART.said("reading the recordings")
-    announce(console)  # reading compiles already
+    HEART.begins("reading the recordings")
     read = {path: described(console, path, out, joint, doubts) for path in every}
     with ExitStack() as scales, collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
@@ -93,7 +92,7 @@ def diagnose_files(
             scales.enter_context(counted_in(*unscaled([trace for _, trace in fitted_to])))
             fresh, file = False, Path(name or "")
             if known is None:
-                HEART.said("fitting a device")
+                HEART.begins("fitting a device")
                 named = [(path.stem, trace) for path, trace in fitted_to]
                 file, known, fresh = device_of(console, named, out)
             device, name = known, name or str(file)
@@ -493,7 +492,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         for run in found.force_errors
     ]
     if rows:
-        title = "Force that each model lacks for the recorded motion: rms (share of the command)"
+        title = "Force that each model lacks to follow the recording: rms (share of the command)"
         console.table(f"\n{title}", _columns(*heads), rows)
     if found.next_level is not None:
         console.say(f"\n{found.next_level.sentence}")

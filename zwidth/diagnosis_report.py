@@ -271,8 +271,9 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
     )
     if "gain" not in diagnosis.linear_refit:
         said.append(
-            "the scale of the command is taken as exact: if it is wrong by 3 %, every force, mass,"
-            " spring and damper is wrong by 3 % (command_scale in [uncertainty] leaves it open)"
+            "the scale of the command is assumed to be exact: if it is wrong by 3 %, every force,"
+            " mass, spring and damper is wrong by 3 % (with command_scale in [uncertainty], the"
+            " scale is fitted)"
         )
     held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
     said.append(f"the fit is judged on {HELD[held]}; the intervals are 95 %")
@@ -344,11 +345,10 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
     if gain.lower <= 1.0 <= gain.upper or not math.isfinite(gain.upper - gain.lower):
         return ""
     unit = unit_of(gain.value)
-    asked = "" if unit is None else f" ({unit}?)"
+    asked = "" if unit is None else f"; is the unit wrong ({unit})?"
     return (
-        f"the command is multiplied by {gain.value:.3g} in the augmented device{asked}"
-        f" (command_gain in"
-        " its [interface])"
+        f"the augmented device multiplies the command by {gain.value:.3g} (command_gain in its"
+        f" [interface]){asked}"
     )
 
 
@@ -358,8 +358,8 @@ def scale_sentence(diagnosis: Diagnosis) -> str:
         return ""
     _, gain = diagnosis.linear_refit["gain"]
     return (
-        f"the command's scale: {estimate(gain)}; forces, masses, springs and dampers are"
-        " all proportional to this scale"
+        f"the command's scale: {estimate(gain)}; all forces, masses, springs and dampers are"
+        " proportional to this scale"
     )
 
 

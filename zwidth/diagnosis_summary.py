@@ -12,7 +12,7 @@ LISTED = 3  # effects in a title
 BETTER = 1.02  # times smaller an error has to become to be called better; as many larger, worse
 SHORT = "error of short free runs on held-out data"
 TITLES = {
-    Verdict.NOTHING_MISSING: "Nothing is missing that this recording could show",
+    Verdict.NOTHING_MISSING: "This recording shows no missing physics",
     Verdict.LINEAR_PARAMETERS: "No physics is missing, but parameters differ",
     Verdict.RECORDING_FAULT: "The recording is at fault",
     Verdict.UNKNOWN_PHYSICS: "Physics is missing that has no name in the library",

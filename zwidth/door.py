@@ -25,7 +25,7 @@ from zwidth.identification.first_loop import first_loop
 from zwidth.logs.assumed import Ask, Assumed, assumed
 from zwidth.logs.in_memory import AnyTable, source_of
 from zwidth.logs.open_source import own_log
-from zwidth.logs.recording import read_described, read_recording, read_source
+from zwidth.logs.recording import read_recording, read_source
 from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Source
 from zwidth.logs.steps import step_seen
@@ -103,7 +103,7 @@ def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple
     described = description_of(guess.text.encode(), path.with_suffix(".recording.toml"))
     said = [f"{role}: {what}" for role, what in guess.roles]
     said += [f"assumed: {doubt}" for doubt in guess.doubts]
-    return read_described(described, path.parent), said
+    return read_source(described, found, of_file=True), said
 
 
 def taken_table(

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.diagnosis_report import in_words as effects_in_words
 from zwidth.door import fitted
 from zwidth.figures.fleet import fleet_figure
@@ -53,7 +53,6 @@ def diagnose_recordings(
     report, typical = (stem.with_name(f"{stem.name}.fleet.{e}") for e in ("html", "device.toml"))
     pictures = stem.with_name(f"{stem.name}.fleet")
     console.will_write(report, typical, *picture_files(pictures))
-    announce(console)
     if device is None:
         device = _fitted(console, recordings)
     if processes is None and cluster is None and len(recordings) > FEW:

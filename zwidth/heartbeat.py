@@ -1,18 +1,24 @@
 """A sign of life on standard error, wherever a command would say nothing for some seconds.
 
 A terminal gets one line that is overwritten each second, anything else a line after every 2.7 s of
-silence. It says how long the command has run, and which step was begun last.
+silence. It says how long the command has run, and which step was begun last, or that kernels are
+being compiled: this is done within any step, and only where numba has not kept them. One line says
+so once, as soon as it takes a second.
 """
 
 import sys
 import threading
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+
+from zwidth.sim.compiling import watched
 
 SILENCE = 2.7  # [s], after which a line is due where no terminal reads
 REFRESH = 1.0  # [s], after which a terminal's line is written anew
+LASTING = 1.0  # [s] of compiling, after which it is explained
 LONGEST = 60  # characters of what is being done
+COMPILING = "compiling the simulation (once for each version)"
 
 
 class Heartbeat:
@@ -21,21 +27,30 @@ class Heartbeat:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._over: threading.Event | None = None
+        self._watching = ExitStack()
         self._begun = time.monotonic()
         self._doing, self._said = "", 0.0
         self._held, self._width = 0, 0
+        self._compiling: float | None = None
+        self._explained = False
 
     def start(self) -> None:
         """Start the heartbeat."""
         self._begun = self._said = time.monotonic()
         self._doing, self._over = "starting", threading.Event()
+        self._watching.enter_context(watched(self.compiles))
         threading.Thread(target=self._beat, args=(self._over,), daemon=True).start()
 
     def stop(self) -> None:
         """Stop the heartbeat: the command waits for its user, or has ended."""
+        self._watching.close()
         if self._over is not None:
             self._over.set()
         self.said()
+
+    def begins(self, doing: str) -> None:
+        """Note what is begun, which is printed only where it lasts."""
+        self._doing = doing
 
     def said(self, doing: str = "") -> None:
         """Note that something is about to be printed; clears the terminal's line.
@@ -43,13 +58,14 @@ class Heartbeat:
         doing: what is begun, where that is what is printed.
         """
         with self._lock:
-            now = time.monotonic()
             if doing:
                 self._doing = doing
-            self._said = now
-            if self._width:
-                print("\r" + " " * self._width, end="\r", file=sys.stderr, flush=True)
-                self._width = 0
+            self._said = time.monotonic()
+            self._clear()
+
+    def compiles(self, begins: bool) -> None:
+        """Note that compiling begins or has ended, here or in a process that works for this one."""
+        self._compiling = time.monotonic() if begins else None
 
     def elapsed(self) -> float:
         """How long the command has run [s]."""
@@ -57,7 +73,7 @@ class Heartbeat:
 
     @contextmanager
     def held(self) -> Generator[None]:
-        """Write nothing within the block: a progress bar already moves."""
+        """Write nothing within the block, or only why it stands still: a progress bar moves."""
         self.said()
         self._held += 1
         try:
@@ -70,16 +86,36 @@ class Heartbeat:
         terminal = sys.stderr.isatty()
         while not over.wait(0.25):
             with self._lock:
-                now = time.monotonic()
+                now, since = time.monotonic(), self._compiling
+                if since is not None and now - since >= LASTING and not self._explained:
+                    self._explain()
                 if self._held or now - self._said < (REFRESH if terminal else SILENCE):
                     continue
                 self._said = now
-                text = f"... {now - self._begun:4.0f} s  still {_short(self._doing)}"
+                doing = _short(self._doing) if since is None else COMPILING
+                text = f"... {now - self._begun:4.0f} s  still {doing}"
                 if terminal:
+                    print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
                     self._width = len(text)
-                    print("\r" + text, end="", file=sys.stderr, flush=True)
                 else:
                     print(text, file=sys.stderr, flush=True)
+
+    def _explain(self) -> None:
+        """Say why the first call of a version takes longer than all later ones."""
+        from zwidth.sim.jit import cache_folder  # loaded by now, since it compiles
+
+        self._explained, self._said = True, time.monotonic()
+        self._clear()
+        text = (
+            f"compiling the parts of the simulation that are not in {cache_folder()} yet (up to a"
+            " few minutes, once for each version)"
+        )
+        print(text, file=sys.stderr, flush=True)
+
+    def _clear(self) -> None:
+        if self._width:
+            print("\r" + " " * self._width, end="\r", file=sys.stderr, flush=True)
+            self._width = 0
 
 
 def _short(text: str) -> str:

@@ -67,7 +67,7 @@ class Quantities(click.Option):
         """Refuse a grid that does not rise, and a number given twice."""
         for earlier, later in pairwise(value):
             if self.rising and not later > earlier:
-                message = f"{later:g} comes after {earlier:g}; give the numbers in rising order."
+                message = f"{later:g} follows {earlier:g}; give the numbers in rising order."
                 raise click.BadParameter(message, ctx, param)
         for number in value:
             if value.count(number) > 1:
@@ -114,7 +114,7 @@ def _force(context: click.Context, param: click.Parameter, value: bool) -> None:
 
 force_option = click.option(
     "--force", is_flag=True, expose_value=False, callback=_force,
-    help="Also overwrite files that this command did not make; never its inputs.",
+    help="Overwrite existing files, even if this command did not write them; never its inputs.",
 )  # fmt: skip
 
 json_option = click.option(
@@ -146,7 +146,9 @@ def device_argument(destination: str = "device") -> Callable[[Any], Any]:
             )
         if value is None and other is None:
             raise click.UsageError(
-                "no device is given; give its file, or a name that 'zwidth devices' lists", ctx
+                "the argument DEVICE is missing; give a device file, or a name that 'zwidth"
+                " devices' lists",
+                ctx,
             )
         return str(other if value is None else value)
 
@@ -184,7 +186,9 @@ def _writable(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
         check_folder(value)
     except OSError as error:
         raise click.BadParameter(
-            f"{value} cannot be written to ({error.strerror}); give a folder that can.", ctx, param
+            f"{value} cannot be written to ({error.strerror}); give a folder that is writable.",
+            ctx,
+            param,
         ) from None
     return value
 

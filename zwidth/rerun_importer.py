@@ -31,9 +31,9 @@ def main() -> None:
     """Write a recording to stdout as Rerun reads it; the arguments are those that Rerun gives."""
     parser = ArgumentParser(prog="rerun-importer-zwidth", description=__doc__)
     parser.add_argument("file", type=Path, help="a recording, a recording TOML or a log of zwidth")
-    parser.add_argument("--application-id", help="of the recording in Rerun")
-    parser.add_argument("--recording-id", help="of the recording in Rerun")
-    parser.add_argument("--entity-path-prefix", default="", help="before the names of all curves")
+    parser.add_argument("--application-id", help="application id of the recording in Rerun")
+    parser.add_argument("--recording-id", help="recording id of the recording in Rerun")
+    parser.add_argument("--entity-path-prefix", default="", help="prefix of all curves' names")
     asked, _ = parser.parse_known_args()  # Rerun has more, of which a recording needs none
     path: Path = asked.file
     log: Log | None = None

@@ -19,7 +19,7 @@ class DiagnoseVerb:
         parser.add_argument("bag_path", help="bag to diagnose")
         parser.add_argument(
             "options", nargs=REMAINDER, metavar="...",
-            help="further bags, and options after them, as of 'zwidth diagnose --help'",
+            help="more bags, then the options that 'zwidth diagnose --help' lists",
         )  # fmt: skip
 
     def main(self, *, args: Namespace) -> int:

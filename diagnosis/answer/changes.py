@@ -151,7 +151,7 @@ class Change(Valued):
         """Say what changed, by how much, and when."""
         if not self.as_well:
             return self._alone
-        return f"{self._alone} ({' and '.join(self.as_well)} would explain the change equally well)"
+        return f"{self._alone} ({' or '.join(self.as_well)} would explain the change equally well)"
 
     @property
     def _alone(self) -> str:
@@ -178,7 +178,7 @@ class Change(Valued):
                 low, high = (plain(v, 2) for v in self.rate_between)
                 when += f" ({low} to {high} s)"
         elif self.shape == DRIFT:
-            how, when = "drifted", "from the first sample to the last"
+            how, when = "drifted", "over the whole time"
         elif self.at is None or self.between is None:
             when = f"from {self.recording} on"
         else:

@@ -125,7 +125,7 @@ class Event(Valued):
         )
         if self.energy.lower < 0.0 < self.energy.upper:
             most_work = max(-self.energy.lower, self.energy.upper)
-            did = f"gave or took less than {with_unit(most_work, 'J', 2)}"
+            did = f"changed the device's energy by less than {with_unit(most_work, 'J', 2)}"
         what = {
             HIT: f"a hit of {size} {self.where}",
             STOP: f"a hit of {size} on a stop{self._end} {self.where}",

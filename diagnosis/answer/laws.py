@@ -315,9 +315,9 @@ class LearnedSurface(Law):
     def extent(self) -> str:
         """Say the law's size, states, form, and worth."""
         most = float(np.abs(self.curve.at(*self.curve.seen.T)).max())
-        looks = f", and looks like {self.form}" if self.forms else ""
+        looks = f" (approximately {self.form})" if self.forms else ""
         size = with_unit(most, self.force_unit, 2)
-        return f"it reaches {size} and depends on {self.over} together{looks}; {self.worth}"
+        return f"it reaches {size} and depends on both {self.over}{looks}; {self.worth}"
 
     def headline(self, masses: int) -> str:
         """Return the first line of an answer: where the law acts, and its extent."""
@@ -329,7 +329,7 @@ class LearnedSurface(Law):
         """Say which law was learned."""
         looks = f", and looks like {self.formula}" if self.formula else ""
         at = self.curve.physics.at
-        return f"a force at {at} that depends on {self.over} together{looks}"
+        return f"a force at {at} that depends on both {self.over}{looks}"
 
     @property
     def size(self) -> str:
@@ -345,10 +345,10 @@ class LearnedSurface(Law):
         """The title of the law's picture."""
         first, second = self.curve.over
         return (
-            "Above: the force over both quantities, where the recording has samples (dots). Below:"
-            f" over {first} for some values of {second}, and over {second} for some values of"
-            f" {first}. The 95 % band also covers what a different damper, spring or scale of the"
-            " command could explain in place of part of the law."
+            "Above: the force over both quantities; dots mark where the recording has samples."
+            f" Below: the force over {first} for some values of {second}, and over {second} for"
+            f" some values of {first}. The 95 % band includes the part of the law that a different"
+            " damper, spring or command scale could explain."
         )
 
     @property

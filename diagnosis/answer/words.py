@@ -209,7 +209,7 @@ def _headline(f: Facts, because: Reason) -> str:
     is_ = "is" if len(f.findings) == 1 else "are"
     match because:
         case Reason.NOTHING:
-            return "nothing is missing that this recording could show"
+            return "this recording shows no missing physics"
         case Reason.LINEAR:
             return _linear(f)
         case Reason.NAMED:
@@ -378,11 +378,11 @@ def why(f: Facts) -> str:
             )
         case Reason.ONE_LEVEL:
             told = (
-                f"the command has a single level, and {error}: too large to tell the found effects"
-                " from their nearest rival"
+                f"the command has only one level, and {error}; this error is too large to tell the"
+                " found effects from the next best explanation"
             )
         case Reason.RIVALS:
-            told = f"other explanations come within {VERDICT.apart:g} sigma"
+            told = f"other explanations are less than {VERDICT.apart:g} sigma worse"
         case Reason.IMPROBABLE if doubtful is not None:
             told = (
                 f"the probability of {doubtful.effect} at {doubtful.at} is"
@@ -399,7 +399,7 @@ def why(f: Facts) -> str:
             told = f"{', '.join(f.moved)} differ from the device file by more than" + (
                 f" {VERDICT.shifted:g} sigma")  # fmt: skip
         case Reason.NAMED:
-            told = "no other explanation comes near, and held-out data agree"
+            told = "every other explanation is clearly worse, and held-out data agree"
         case Reason.NOTHING:
             told = "no effect of the library is significant, and held-out data agree"
         case _:
@@ -465,8 +465,8 @@ def where(located: Located, masses: int) -> str:
     states = list(dict.fromkeys(m.against for m in near))
     if len(states) > 1:
         return (
-            f"{densest(located.state)}before effects are added, the missing force {at} can be"
-            f" described about equally well by {listed(states, 'or')}"
+            f"{densest(located.state)}before effects are added, a force {at} describes what is"
+            f" missing about equally well, whether it depends on {listed(states, 'or')}"
         )
     like = "changes with time" if top.against == "time" else f"depends on {top.against}"
     return (

@@ -333,8 +333,7 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family:
     _refuse_overflow(shape)
     for turn in range(TURNS):
         forced = [
-            replace(e, force=f if e.force is None else e.force + f)
-            for e, f in zip(view.experiments, shape.forces(strength), strict=True)
+            e.pushed_by(f) for e, f in zip(view.experiments, shape.forces(strength), strict=True)
         ]
         problem = prepared_for(forced, model, x, family)
         ratio = problem.observer.ratio

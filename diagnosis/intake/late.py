@@ -149,14 +149,15 @@ def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     by = f"{abs(n)} sample{'s' if abs(n) > 1 else ''} ({1e3 * abs(n) * e.period:.3g} ms)"
     if n < 0:
         sentence = (
-            f"the motion of {e.name} follows its command {by} later than in the device file: a"
-            " delay or a lag of the drive, or the command is logged that much earlier than it acts"
+            f"in {e.name}, the motion follows the command {by} later than in the device file:"
+            " either the drive has a delay or a lag that the file lacks, or the recorded command is"
+            " too early by this time"
         )
         return e, [Fault(EARLY, sentence, False, float(-n), e.name)]
     sentence = (
-        f"the motion of {e.name} comes before its command: the command is logged {by} later than"
-        " it acts; this is corrected here; to correct the file, put"
-        f" shift_s = {-n * e.period:.6g} into [input] and resample"
+        f"in {e.name}, the motion comes before the command: the recorded command is {by} too late;"
+        " the diagnosis corrects this; to correct the recording's TOML, put"
+        f" shift_s = {-n * e.period:.6g} into [input], and resample"
     )
     fault = Fault("command_late", sentence, True, float(n), e.name)
     earlier = replace(e.part(0, e.ticks - n), command=e.command[n:])

@@ -105,13 +105,10 @@ class Happened:
             measured[self.first :, o] -= self.force[0]
             return replace(e, measured=measured)
         place = place_at(self.source.place)
-        masses = 1 + max(place.ends[0], place.ends[1])
-        masses = max(masses, 0 if e.force is None else e.force.shape[1])
-        own = np.zeros((e.ticks, 0)) if e.force is None else e.force
-        force = np.pad(own, ((0, 0), (0, masses - own.shape[1])))
+        force = np.zeros((e.ticks, 1 + max(place.ends)))
         end = e.ticks if self.source.lasting else self.last
-        force[self.first : end] += self.force[:, None] * place.row(masses)
-        return replace(e, force=force)
+        force[self.first : end] = self.force[:, None] * place.row(force.shape[1])
+        return e.pushed_by(force)
 
 
 @dataclass(frozen=True)

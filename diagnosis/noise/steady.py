@@ -123,7 +123,7 @@ def _in_contact(device: Device, experiment: Experiment, ratio: float) -> tuple[S
     process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
     noise = np.diag(noise_scale(experiment) ** 2)
     if not all(np.all(np.isfinite(m)) for m in (a, process, noise)):
-        raise NoObserver("the device's equations are not finite")
+        raise NoObserver("the device's equations have NaN or infinite coefficients")
     if _stands_unseen(plant, experiment):
         return _of_motion(plant, a, c, process, noise)
     solution = _riccati(a, c, process, noise)

@@ -233,6 +233,14 @@ class Experiment(Valued):
             wide[:, : own.shape[1]] += own
         return wide if self.base is None else np.column_stack([wide, self.base])
 
+    def pushed_by(self, force: Floats) -> "Experiment":
+        """Return the recording with one more force (ticks, k), on its first k masses."""
+        own = np.zeros((self.ticks, 0)) if self.force is None else self.force
+        wide = np.zeros((self.ticks, max(own.shape[1], force.shape[1])))
+        wide[:, : own.shape[1]] += own
+        wide[:, : force.shape[1]] += force
+        return replace(self, force=wide)
+
     def unmoved(self) -> "Experiment":
         """Return the recording without forces besides its command."""
         return replace(self, force=None, base=None, pushes=None)
@@ -348,26 +356,26 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     one = "one mass" if masses == 1 else f"{masses} masses"
     if not found:
         raise ExperimentError(
-            f"the recording has no position or velocity of a mass of the device, which has {one}"
-            f" (it has {', '.join(trace.channels)}); name the outputs in the recording's TOML"
+            f"the device has {one}, but the recording has no position or velocity of a mass; name"
+            f" the outputs in the recording's TOML (its channels are {', '.join(trace.channels)})"
         )
     if found[0].less is not None:
         raise ExperimentError(
-            f"the recording has {found[0].name} but no position or velocity of a mass, which is"
-            " needed beside the deflection of a link; add one as [[output]] to the recording's TOML"
+            f"{found[0].name} is the deflection of a link; a diagnosis also needs the position or"
+            " velocity of a mass: add one as [[output]] to the recording's TOML"
         )
     kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
     for o in found:
         if trace.units[o.name].split("/")[0] not in (unit, ""):
             raise ExperimentError(
-                f"channel {o.name!r} is in {trace.units[o.name]!r}, but the device is {kind} and"
-                f" moves by {unit!r}; correct the unit in the recording's TOML or 'rotary' in the"
+                f"channel {o.name!r} is in {trace.units[o.name]!r}, but the device is {kind}, with"
+                f" motion in {unit!r}; correct the unit in the recording's TOML, or 'rotary' in the"
                 " device file"
             )
     if len(trace) < SHORTEST:
         raise ExperimentError(
-            f"the recording has {len(trace)} samples; at least {SHORTEST} are needed, and 10 s is"
-            " plenty"
+            f"the recording has {len(trace)} samples; at least {SHORTEST} are needed (10 s of"
+            " motion are plenty)"
         )
     own = examine(trace.t).period  # as in the checks of the clock
     if not math.isclose(own, period, rel_tol=0.01):
@@ -442,9 +450,9 @@ def _told_by_force(
     stiffness = drive_stiffness(device, changes)
     if stiffness == 0.0:
         raise ExperimentError(
-            f"the recording has the force of the drive, {FORCE}, but the device has no drive whose"
-            " position can be computed from it; describe it in the device file as [drive] kind ="
-            ' "position" with its stiffness and without damping, or name another output'
+            f"the recording has the force of the drive, {FORCE}; the position can be computed from"
+            " it only for a drive with stiffness and without damping: describe such a drive in the"
+            ' device file ([drive] kind = "position"), or name another output'
         )
     counts = 1.0 if changes is None else changes.command_gain
     pushed = Pushed(counts * device.interface.command_gain * trace["command"], stiffness)

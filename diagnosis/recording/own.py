@@ -45,7 +45,7 @@ def _names(key: str, device: Device) -> list[str]:
         "ground_spring": ["k0"] if device.chain.ground_spring > 0.0 else [],
     }
     if key in named and not named[key]:
-        raise DeviceError(f"free.{key} of the recording: the device has no {key}; take it out")
+        raise DeviceError(f"free.{key} of the recording: the device has no {key}; remove this key")
     if key in named:
         return named[key]
     return _anchored(n) if key == POSITION else [_of_effect(key)]
@@ -74,7 +74,8 @@ def _of_effect(key: str) -> str:
     names = [p.name for p in effect.parameters]
     if parameter not in names:
         raise DeviceError(
-            f"free.{key} of the recording: {name} has no such number; {nearest(parameter, names)}"
+            f"free.{key} of the recording: {name} has no parameter {parameter!r};"
+            f" {nearest(parameter, names)}"
         )
     try:
         place_at(at)

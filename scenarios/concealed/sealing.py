@@ -62,9 +62,12 @@ def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, An
         raise SealError(f"{path.name} is not the key of a concealed recording: {error!r}") from None
     if not sealed.endswith(MARK + found):
         raise SealError(
-            f"{path.name} is not the key that was sealed; use the key made with the recording"
+            f"{path.name} does not match the seal in the recording; use the key that was written"
+            " with this recording"
         )
     for name, file in files.items():
         if digest(file) != expected.get(name):
-            raise SealError(f"{file.name} was changed after its key was sealed; make it again")
+            raise SealError(
+                f"{file.name} was changed after its key was sealed; restore the original file"
+            )
     return dict(key)

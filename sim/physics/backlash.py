@@ -131,10 +131,11 @@ def at_a_side(z, p):
 
 @part
 def pushed_side(q, v, z, h, p):
-    """Side that the link pushes on, 1 or -1; 0 while it carries nothing. Without a gap it is 1.
+    """Return the side that the link pushes on, 1 or -1; 0 while it carries no force; 1 without gap.
 
-    A pin at a side that the link pulls at (after a correction) leaves it with z' = T / c. Where
-    that crosses the gap within h, the link counts as pushing still, for `lets_go` to cross it.
+    After a correction, the link may pull on the side where the pin is: the pin then leaves the side
+    with z' = T / c. If it would cross the gap within h, the link still counts as pushing, so that
+    `lets_go` computes the crossing.
     """
     half, whole = 0.5 * p[0], p[1] * q + p[2] * v
     above, below = whole - p[1] * half, -whole - p[1] * half
@@ -154,23 +155,24 @@ def springs_back(t, p):
 
 @part
 def lets_go(q0, v0, q1, v1, h, side, p):
-    """For a link that pushes on a side as a substep begins: the force to subtract, and its pin.
+    """Return the mean force to subtract over a substep, and where the pin is at its end.
 
-    q, v at both ends as if it went on to push, and then to pull. T = side (k q + c v) - k a is t_0
-    >= 0 at first; if it ends at t_1 < 0, the link lets go at s = t_0 / (t_0 - t_1) of the substep,
-    and the pull that it would have from there on is subtracted, too,
+    For a link that pushes on a side when the substep begins. q0, v0, q1, v1: state at both ends,
+    computed as if the link could also pull; a: half the gap. T = side (k q + c v) - k a is the
+    link's force, t_0 >= 0 at first. If T ends at t_1 < 0, the link lets go at the fraction s = t_0
+    / (t_0 - t_1) of the substep. From then on it cannot pull, so the pull is subtracted, too:
 
-        mean of what is taken = side (k a + (1 - s) t_1 / 2).
+        mean force to subtract = side (k a + (1 - s) t_1 / 2).
 
-    A pin that crosses the gap by then does so in a part g of (1 - s), by a line; on the other side
-    -k a is taken:
+    If the pin crosses the gap within the substep, it does so in a fraction g of (1 - s), on a
+    straight line; on the other side, -k a is subtracted:
 
         side (s k a + (1 - s) [g (k a + g t_1 / 2) - (1 - g) k a]).
 
-    s is a line's, off by O(h), and so is what hangs on it, t_1: the impulse is off by O(h^3). The
-    pin is where the deformation at s, of the cubic through both ends, has sprung back to, or where
-    z' = T / c brings it, if that is farther from the side. T may begin below zero (`pushed_side`):
-    then s = 0, and the mean holds with t_0 besides.
+    s is interpolated linearly, with an error of O(h); it multiplies t_1, which is O(h), too. So the
+    impulse has an error of O(h^3). The pin is where the deformation at s (by the cubic through both
+    ends) has relaxed to, or where z' = T / c brings the pin, if that is farther from the side. If T
+    is below zero from the start (`pushed_side`), s = 0, and the mean includes t_0.
     """
     half = 0.5 * p[0]
     push = p[1] * half
@@ -198,23 +200,24 @@ def lets_go(q0, v0, q1, v1, h, side, p):
 
 @part
 def is_hit(q0, v0, z0, q1, v1, h, yields, p):
-    """For a link that carries nothing as a substep begins: force on the first mass, shift, pin.
+    """Return the force on the first mass, its shift, and the pin, when the pin may hit a side.
 
-    q, v at both ends as if it went on so; yields [1/kg]: what both masses give way to a force
-    between them. The pin goes from z_0 to z_1, by a parabola with its speed z_0' = v_0 + k s_0 / c
-    at first, and hits a side a at the share s where
+    For a link that carries no force when the substep begins. q0, v0, q1, v1: state at both ends,
+    computed as if this continued; yields [1/kg]: the acceleration between both masses per force.
+    The pin goes from z_0 to z_1 on a parabola with the initial speed z_0' = v_0 + k s_0 / c, and
+    hits the side a at the fraction s of the substep where
 
         z_0 + s h z_0' + s^2 (z_1 - z_0 - h z_0') = a,
 
-    off by O(h^2). From there on the link pushes with T = k (q - a) + c q', for tau = (1 - s) h,
-    in which the force itself slows what drives it: with the mean of T as it would be without
-    itself, r the deformation and v the speed at s,
+    with an error of O(h^2). From then on, for tau = (1 - s) h, the link pushes with T = k (q - a) +
+    c q'. This force slows the motion that causes it. With r the deformation and v the speed at s,
 
         T = (k (r + tau (2 v + v_1) / 6) + c (v + v_1) / 2)
             / (1 + (k tau^2 / 6 + c tau / 2) yields).
 
-    Held over the substep it counts 1 - s. That moves masses too far, since it acts late: from
-    impulses, by h^2 / (2 m) s (1 - s) T, which is what `shift` returns, times h^2 / (2 m).
+    is its mean over tau, so (1 - s) T over the substep. A force held over the whole substep moves
+    the masses too far, by h^2 / (2 m) s (1 - s) T, since the real one acts late. The shift that is
+    returned is this distance, without the factor h^2 / (2 m).
     """
     half = 0.5 * p[0]
     damped = p[2] > 0.0

@@ -149,8 +149,8 @@ def grid_values(
     alone = len(over) == 1
     if alone and columns:
         raise ValueError(
-            f"columns has {len(columns)} states, but over only {over[0]!r}; add the state of the"
-            " columns to over, or leave columns out"
+            f"columns has {len(columns)} states, but over has only {over[0]!r}, the state of the"
+            " rows; add the state of the columns to over, or leave columns out"
         )
     _check_axis("rows", rows, 2, MOST if alone else SIZE, over[0])
     if not alone:
@@ -188,7 +188,7 @@ def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
     """Raise ValueError unless a law has the right number of different, known states."""
     if len(over) not in allowed:
         many = " or ".join(("one", "two")[n - 1] for n in allowed)
-        raise ValueError(f"over has {len(over)} states; give {many} of {', '.join(STATES)}")
+        raise ValueError(f"over has {len(over)} names; it must have {many} of {', '.join(STATES)}")
     for state in over:
         if state not in STATES:
             raise ValueError(f"over has {state!r}; {nearest(state, STATES)}")
@@ -200,7 +200,7 @@ def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
 def _check_axis(name: str, states: list[float], least_of: int, most: int, over: str) -> None:
     if not least_of <= len(states) <= most:
         raise ValueError(
-            f"{name} has {len(states)} states of {over}; it must have from {least_of} to {most}"
+            f"{name} has {len(states)} values of the {over}; it must have {least_of} to {most}"
         )
     check_rising(name, over, states, "one to the next")
 

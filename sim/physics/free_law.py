@@ -75,11 +75,12 @@ def numbered(
 def table_values(
     points: Sequence[tuple[float, float]], odd: bool = False, period: float = 0.0
 ) -> dict[str, float]:
-    """Return the parameters of a law through points (state, force), whose states rise.
+    """Return the parameters of a law through points (state, force) with rising states.
 
-    period: of a law that repeats, of which the points are one turn; 0 for none. Raises ValueError
-    for fewer than two points, more than `KNOTS`, states that do not rise, of an odd law a table
-    that does not begin at (0, 0), and of one that repeats points a period or more apart.
+    period: of a periodic law, whose points cover one period; 0 if it is not periodic. Raises
+    ValueError for fewer than two points, more than `KNOTS`, or states that do not rise; for an odd
+    law, if the table does not begin at (0, 0); for a periodic law, if points are a period or more
+    apart.
     """
     check_points("table", points, KNOTS)
     states = [s for s, _ in points]
@@ -112,7 +113,7 @@ def check_points(name: str, points: Sequence[tuple[float, float]], most: int) ->
 
 
 def check_rising(name: str, what: str, states: Sequence[float], along: str) -> None:
-    """Raise ValueError unless states rise, which are named what in the sentence."""
+    """Raise ValueError unless states rise; what, along: words for the states and their order."""
     for before, after in itertools.pairwise(states):
         if not after > before:
             raise ValueError(
@@ -121,13 +122,13 @@ def check_rising(name: str, what: str, states: Sequence[float], along: str) -> N
 
 
 def row_values(names: Sequence[str], numbers: Sequence[float]) -> dict[str, float]:
-    """Return a row of numbers by the names of its places, the last one in those left over."""
+    """Return the parameters of a row by name; the last number is repeated for unused names."""
     padded = [*numbers, *[numbers[-1]] * (len(names) - len(numbers))]
     return dict(zip(names, map(float, padded), strict=True))
 
 
 def rising(values: Mapping[str, float], names: Sequence[str]) -> list[int]:
-    """Return which states of a row stand above all before them: not the last one's repetitions."""
+    """Return the indices of the points that a row has, without repetitions of the last state."""
     found = [0]
     for j, name in enumerate(names):
         if values[name] > values[names[found[-1]]]:

@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 
 free_product = Effect(
     name="free_product",
-    summary="a force over one state times a number over another, as two tables",
+    summary="a force that is the product of two tables, each over one state",
     formula="f = f(a) g(b), smooth curves through the points of both tables",
     places=(*MASSES, *LINKS),
     parameters=two_tables_parameters("g"),
@@ -51,7 +51,7 @@ free_product = Effect(
 
 
 def held(shares: Sequence[float]) -> int:
-    """Return which number of a second table is held where others vary: the largest."""
+    """Return the index of the second table's number that a fit keeps constant: the largest one."""
     return int(np.argmax(np.abs(shares)))
 
 

@@ -171,7 +171,9 @@ def translated(formula: str, states: Sequence[str], parameters: Sequence[str]) -
                 name in FUNCTIONS and not name.startswith("_")
             ):
                 if len(args) != (count := ARGUMENTS.get(name, 1)):
-                    raise TableError(f"formula gives {name} {len(args)} numbers; it takes {count}")
+                    raise TableError(
+                        f"formula calls {name} with {len(args)} argument(s); it takes {count}"
+                    )
                 return f"{name}({', '.join(written(a) for a in args)})"
             case _:
                 pass
@@ -210,19 +212,30 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     table.only(KEYS)
     name, enters = table.text("name"), table.text("enters") if "enters" in table else "force"
     if not IDENTIFIER.match(name):
-        raise TableError(f"name is {name!r}; it must consist of small letters, digits and _")
+        raise TableError(f"name is {name!r}; give small letters, digits and _, and a letter first")
     if enters not in HOOKS:
-        raise TableError(f"enters is {enters!r}; it must be one of {', '.join(HOOKS)}")
+        raise TableError(
+            f"enters is {enters!r}; give what the formula is added to: {', '.join(HOOKS)}"
+        )
     places = PLACES[enters]
     at = table.texts("at") if "at" in table else list(places)
     for place in at:
         if place not in places:
-            raise TableError(f"at has {place!r}; it can have {', '.join(places)}")
+            raise TableError(
+                f"at has {place!r}; with enters = {enters!r}, it may have {', '.join(places)}"
+            )
     own = table.table("parameters")
     keys = list(own.values)
     for key in keys:
-        if not IDENTIFIER.match(key) or key in ("q", "v", "u", "pi") or key in FUNCTIONS:
-            raise TableError(f"parameters has {key!r}, a name that formulas use; choose another")
+        if not IDENTIFIER.match(key):
+            raise TableError(
+                f"parameters has {key!r}; give small letters, digits and _, and a letter first"
+            )
+        if key in ("q", "v", "u", "pi") or key in FUNCTIONS:
+            raise TableError(
+                f"parameters has {key!r}, which means something else in a formula; choose another"
+                " name"
+            )
     if not keys:
         raise TableError("parameters is empty; a law needs at least one parameter")
     formula = table.text("formula")
@@ -240,8 +253,8 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     parameters = tuple(_parameter(own.table(key), key, keys, starts, value) for key in keys)
     if not any(p.role in ("magnitude", "strength") and p.neutral is not None for p in parameters):
         raise TableError(
-            "the law is linear in none of its parameters, and none has role = 'strength' and a"
-            " neutral value; give one of them both: neutral is the value at which the law is 0"
+            "the law is linear in none of its parameters; give the parameter that sets its strength"
+            " role = 'strength', and as neutral the value at which the law is 0"
         )
     _nothing_at_nothing(parameters, starts, value)
     effect = Effect(
@@ -289,8 +302,8 @@ def _parameter(
         raise TableError(f"{table.path}.role is {role!r}; it must be one of {', '.join(ROLES)}")
     if role == "magnitude" and not scales:
         raise TableError(
-            f"{table.path}.role is 'magnitude', but the law is not linear in it, or it has a start;"
-            " use 'strength'"
+            f"{table.path}.role is 'magnitude', but the law is not linear in this parameter, or the"
+            " parameter has a start; give role = 'strength'"
         )
     if role != "magnitude" and not starts[key]:
         raise TableError(f"{table.path}.start is missing; give the value at which a search begins")
@@ -316,7 +329,7 @@ def _nothing_at_nothing(
             named = " and ".join(p.name for p in parameters if p.role == "magnitude")
             raise TableError(
                 f"formula is {value(q, v, u, numbers):.3g} at q = {q:g}, v = {v:g}, u = {u:g}"
-                f" although {named} are 0; it must then be 0"
+                f" with {named} at 0; it must then be 0 everywhere"
             )
 
 

@@ -39,7 +39,7 @@ def diagnose(
     joint: str | None = None,
     say: Say | None = None,
 ) -> Diagnosis:
-    """Say why recordings differ from the simulation of a device, and what physics is missing.
+    """Compare recordings of a device with its simulation, and find the missing physics.
 
     recordings: one or several. Each is a path (a recording TOML, a log, or a CSV, MAT or other file
     of another tool; a warning says what was assumed), a Trace, a Run, a Log, or a table: a data

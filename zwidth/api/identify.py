@@ -1,6 +1,7 @@
 """A device from a recording of its command and position."""
 
 from zwidth.api.given import AnyRecording, name_of, trace_of
+from zwidth.api.notebook import telling
 from zwidth.identification.fit import fit_response
 from zwidth.identification.identified import Identified, identified
 
@@ -26,8 +27,10 @@ def identify(
     Raises ValueError with one sentence, which says what to record instead.
     """
     trace, known = trace_of(recording), name or name_of(recording)
-    fit = fit_response(
-        trace, modes, output=position, command=command, delay=delay, from_hz=from_hz, to_hz=to_hz
-    )
+    with telling(None, "fitting the device") as tell:
+        fit = fit_response(
+            trace, modes, output=position, command=command, delay=delay, from_hz=from_hz,
+            to_hz=to_hz, say=tell,
+        )  # fmt: skip
     source = f"identified from {name_of(recording)}"
     return identified(fit, known, trace.units[position], source, position)

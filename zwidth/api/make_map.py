@@ -33,9 +33,9 @@ def make_map(
     Raises ValueError with a sentence if an argument, or the content of the folder, does not fit.
     """
     asked = plane if isinstance(plane, Plane) else usual_plane(device_of(plane))
-    with telling(None, "running the map") as tell:
+    with telling(None, "computing the map") as tell:
 
         def told(share: float, runs: int) -> None:
-            tell(f"{100.0 * share:.0f} %, {runs} runs")
+            tell(f"{100.0 * share:.0f} %, {runs} runs simulated")
 
         return fate_map.make_map(asked, coarse, levels, folder, progress or told, workers, runner)

@@ -7,6 +7,9 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from zwidth.heartbeat import COMPILING
+from zwidth.sim.compiling import watched
+
 PROGRESS = {"zwidth": "progress"}  # metadata of the line, by which a page leaves it out
 Say = Callable[[str], None]
 
@@ -24,17 +27,35 @@ def telling(say: Say | None, title: str) -> Generator[Say]:
             handle.update({"text/plain": _words(title, text)}, raw=True, metadata=PROGRESS)
 
         try:
-            yield line
+            with _compiling_too(line) as tell:
+                yield tell
         except BaseException:
             line("stopped")
             raise
         line("done")
     elif _in_marimo():
         status: Any = import_module("marimo").status
-        with status.spinner(title=title, remove_on_exit=True) as spinner:
-            yield lambda text: spinner.update(subtitle=_words("", text))
+        with (
+            status.spinner(title=title, remove_on_exit=True) as spinner,
+            _compiling_too(lambda text: spinner.update(subtitle=_words("", text))) as tell,
+        ):
+            yield tell
     else:
         yield _silent
+
+
+@contextmanager
+def _compiling_too(say: Say) -> Generator[Say]:
+    """Yield `say`, and in between have it say that kernels are being compiled, while they are."""
+    last = ""
+
+    def tell(text: str) -> None:
+        nonlocal last
+        last = text
+        say(text)
+
+    with watched(lambda begins: say(COMPILING if begins else last)):
+        yield tell
 
 
 def shares(say: Say | None) -> Callable[[float], None] | None:
@@ -67,7 +88,7 @@ def _words(title: str, text: str) -> str:
     from zwidth.diagnosis_report import in_words  # a boundary needs nothing of it
 
     said = in_words(text.replace("@", " at "))
-    return f"{title}: {said}" if title else said
+    return ": ".join(filter(None, (title, said)))
 
 
 def _in_jupyter() -> bool:

@@ -56,7 +56,7 @@ def plan(
     seed: int = 0,
     advance: Callable[[str], object] | None = None,
 ) -> Plan:
-    """Say what a recording would show, before it is made.
+    """Predict which effects a recording would show, before you make it.
 
     For every effect the smallest magnitude that the recording would detect with five sigma, after
     the known parameters are refitted; the pairs of effects that it could not tell apart, and the

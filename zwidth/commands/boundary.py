@@ -12,7 +12,7 @@ import numpy as np
 
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
 from zwidth.boundary_summary import answered, say_stiffest
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
 from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
@@ -70,8 +70,10 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
               help="Loop delays, one boundary each. Default: the device's own delay.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
-              metavar="B ...", help="Virtual dampings in rising order. Default: 41 values up to 1.2"
-              " times the last with a stable wall, and the measured ones.")  # fmt: skip
+              metavar="B ...", help="Virtual dampings in rising order. Default, if B_max is the"
+              " largest B with a stable wall: 41 values from 0 to 1.2 B_max, and 0.999 B_max; the B"
+              " of the stiffest wall; with --criterion passivity, also that of the stiffest passive"
+              " wall; and each B at which the paper measured this device.")  # fmt: skip
 @click.option("--start", cls=Quantities, type=Quantity("rad | m", above=True), metavar="A ...",
               help="Start amplitudes; a wall counts as stable if it is stable from each of them."
               " Default: 0.001, and 0.0001 for a device that is not linear.")  # fmt: skip
@@ -83,22 +85,24 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
               help="Longest simulated time of one run.")  # fmt: skip
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
-              show_default=True, help="passivity also shows the stiffest passive wall"
-              " (Colgate and Schenkel, with the delay).")  # fmt: skip
-@click.option("--felt", is_flag=True, help="Also find the K above which a hand feels dither (an"
-              " oscillation that only the steps of encoder and command sustain). The search begins"
-              " at 1 % of the stiffest stable K.")  # fmt: skip
+              show_default=True, help="passivity: also show the stiffest passive wall at"
+              " each B (criterion of Colgate and Schenkel, extended by the delay).")  # fmt: skip
+@click.option("--felt", is_flag=True, help="Also find the K above which a hand feels dither: an"
+              " oscillation sustained only by the steps of the encoder and the command. The search"
+              " begins at 1 % of the largest stable K.")  # fmt: skip
 @click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
               show_default=True, help="Smallest force of dither that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
               " the skin; for a rotary device, only with --lever.")  # fmt: skip
-@click.option("--hand", is_flag=True, help="Also show the band of K_CR if a finger holds the last"
-              " mass.")  # fmt: skip
+@click.option("--hand", is_flag=True, help="Also show the range of K_CR, the largest stable K, if"
+              " a finger holds the last mass. Fingers differ in mass, damping and"
+              " stiffness.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--hands", type=click.IntRange(10, 100_000), default=None, metavar="N",
-              help="Quantiles of K_CR over N fingers drawn from the published range.")  # fmt: skip
+              help="Also draw N fingers at random from the published range, and show the 5, 50 and"
+              " 95 % quantiles of K_CR.")  # fmt: skip
 @click.option("--covariance", "covariance_file", metavar="FILE",
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="Covariance file of 'zwidth identify': also show the 95 % band of"
@@ -135,7 +139,6 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     law = law_of([device.with_interface(delay=delay) for delay in delays], options)
     logs = (_log_file(out, delay, side) for delay in delays for side in SIDES)
     console.will_write(*picture_files(out / "boundary"), *logs)
-    announce(console)
     starts = options["start"] or STARTS
     trial = Trial(
         start=max(starts),
@@ -154,7 +157,8 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     with_extras(plans[0][0], [Point(0.0, None, None)], asked)  # refuses before the long work
     found: list[Boundary] = []
     try:
-        with progress("bracketing", sum(grid.size for _, grid in plans)) as advance:
+        total = sum(grid.size for _, grid in plans)
+        with progress("finding the largest stable K", total) as advance:
             for variant, grid in plans:
                 counted = _Counted(grid.size, partial(advance, now=_ms(variant)))
                 found += find_boundaries([variant], [grid], trial, search, counted)

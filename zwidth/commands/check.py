@@ -50,15 +50,15 @@ def command(
 ) -> int:
     """Check whether a device file still describes its machine, for automatic builds.
 
-    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] has the errors of free runs at that
-    time. LOG is a recording that 'zwidth diagnose' reads.
+    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] is the range of errors that free
+    runs may have. LOG is any recording that 'zwidth diagnose' can read.
 
-    Exit status: 0 if all are within the band, 1 if one is outside, 2 for bad input. If one is
-    outside, the parameters of DEVICE are refitted, and one sentence says what changed; new physics
-    is only searched for with --diagnose, which writes its results to --out.
+    Exit status: 0 if the errors of all LOGs are within the band, 1 if a LOG is outside, 2 for bad
+    input. If a LOG is outside, the parameters of DEVICE are refitted, and one sentence says which
+    changed. With --diagnose, missing physics is searched for, too; the results go to --out.
     """
     from zwidth.checking import check, rebased
-    from zwidth.console import Console, announce
+    from zwidth.console import Console
     from zwidth.diagnosis.recording.experiment import Experiment, stretches
     from zwidth.door import taken
     from zwidth.heartbeat import HEART
@@ -75,8 +75,7 @@ def command(
         from zwidth.model_runs import ModelRuns, named_simulator
 
         simulate, simulator = ModelRuns(known, model, joint), named_simulator(model)
-    announce(console)
-    HEART.said("reading the recordings")
+    HEART.begins("reading the recordings")
     recordings: list[tuple[str, list[Experiment]]] = []
     for log in logs:
         trace, said = taken(log, joint=joint if model is None else _of_log(log, joint))
@@ -85,10 +84,10 @@ def command(
                 console.note(f"{log.name}: {line}")
         recordings.append((log.name, stretches(trace, known, log.stem)))
     console.will_write(*(file for file in (junit, rebase) if file is not None))
-    HEART.said("checking")
+    HEART.begins("checking")
     if rebase is not None:
         return _rebased(console, rebased(known, recordings, simulate), rebase)
-    found = check(known, recordings, simulate, simulator)
+    found = check(known, recordings, simulate, simulator, HEART.begins)
     for one in found.recordings:
         console.say(f"{one.name}: {one.sentence}")
         for remark in one.remarks:

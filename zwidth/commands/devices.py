@@ -30,7 +30,9 @@ TURN = 2.0 * math.pi
 @click.command("devices")
 @click.argument("device", metavar="[DEVICE]", required=False)
 @click.option(
-    "--passive", is_flag=True, help="Describe the nearest device without negative dampers."
+    "--passive",
+    is_flag=True,
+    help="Take the nearest device without negative dampers instead.",
 )
 @click.option(
     "--out",
@@ -45,9 +47,9 @@ TURN = 2.0 * math.pi
     help="Print a device file to start from, with this many masses and every key explained.",
 )  # fmt: skip
 @click.option("--from", "model", metavar="FILE", type=click.Path(path_type=Path),
-              help="Describe a joint of an MJCF or URDF model as a device, or a servo of BAM (JSON,"
-              " without --joint).")  # fmt: skip
-@click.option("--joint", metavar="NAME", help="The joint of that model.")
+              help="Make a device from a joint of an MJCF or URDF model (with --joint), or from a"
+              " servo of BAM (a JSON file).")  # fmt: skip
+@click.option("--joint", metavar="NAME", help="The joint of the model given with --from.")
 @force_option
 @json_option
 def command(
@@ -81,7 +83,7 @@ def command(
             raise click.UsageError("--from already gives the device; leave DEVICE out")
         found, left_out = _read_model(model, joint)
         for what in left_out:
-            console.note(f"left out: {what}")
+            console.note(f"not included in the device: {what}")
         _describe(console, found, passive, save, {"left_out": left_out})
     elif device is not None:
         _describe(console, load_device(device), passive, save, {})

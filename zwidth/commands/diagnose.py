@@ -29,32 +29,31 @@ ALL_JOINTS = "all"
     metavar="RECORDING",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Judge the answer on this recording; without it, on the last 30 % of each recording.",
+    help="Test the answer on this recording. Default: fit the first 70 % of each recording, and"
+    " test on the rest.",
 )
 @click.option(
     "--effort",
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="How much to try. quick finds at most three effects, and tries neither play nor learned"
-    " laws of two quantities.",
+    help="How long to search. quick finds at most three effects; it does not look for play, and"
+    " learns no law that depends on two quantities.",
 )
 @click.option(
     "--wall/--no-wall",
     default=None,
-    help="Also compute the stiffest stable wall, before and after. Default: only for a --device"
-    " that"
-    " can render one.",
+    help="Also compute the stiffest stable wall of DEVICE and of the improved device. Default: only"
+    " for a --device that can render a wall.",
 )
 @click.option(
     "--known-torque", "model", metavar="MODEL", type=click.Path(path_type=Path),
-    help="MJCF or URDF model of the robot. The torque of its arms on --joint is then computed, not"
-    " searched for.",
+    help="MJCF or URDF model of the robot. The torque of the robot's arms on --joint is then"
+    " computed from the model, not searched for.",
 )  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to diagnose, if the recording has several; also that of MODEL. all:"
-              " diagnose every joint that moves in the recording, one by one, and print a"
-              " table.")  # fmt: skip
+              help="The joint to diagnose, if the recording or MODEL has several. all: diagnose"
+              " every joint that moves, one by one, and print a table.")  # fmt: skip
 @click.option(
     "--processes", type=click.IntRange(1), help="For a fleet: number of parallel processes."
 )
@@ -75,21 +74,21 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Say why recordings differ from the simulation of a device, and what physics is missing.
+    """Compare recordings of a device with its simulation, and find the missing physics.
 
     RECORDING is a CSV, MAT, HDF5, NPY or MCAP file of another tool, a recording TOML, or a log
     that zwidth wrote. Several recordings are diagnosed together. For a file of another tool, the
-    channels that were recognised are written to NAME.recording.toml. Without --device, a device is
-    fitted and written to NAME.device.toml. Correct either file and run the same line again.
+    meaning of its columns is guessed and written to NAME.recording.toml. Without --device, a device
+    is fitted and written to NAME.device.toml. If a guess or the device is wrong, correct that file
+    and run the same command again.
 
-    Writes the report (NAME.diagnosis.html), the improved device, which every command takes
-    (NAME.augmented.toml), a log with residual, missing force and predictions
-    (NAME.diagnosis.mcap), and, where two explanations are left, what to record next
-    (NAME.next.toml). Ctrl-C or SIGTERM stops the search; what was found so far is
-    then judged.
+    Files written: the report (NAME.diagnosis.html); the improved device (NAME.augmented.toml),
+    which every command accepts; a log with residual, missing force and predictions
+    (NAME.diagnosis.mcap); and, if two explanations remain, the experiment that tells them apart
+    (NAME.next.toml). Ctrl-C or SIGTERM stops the search, and the best answer so far is reported.
 
-    A folder of recordings, or a table of them (CSV or TOML with recording, device, date, known
-    values), is a fleet: the report NAME.fleet.html says what the devices share, where they differ,
+    Many recordings are a fleet: give a folder, or a table (CSV or TOML with recording, device,
+    date, known values). The report NAME.fleet.html says what the devices share, where they differ,
     what changed and when, and which recordings are unlike the others (docs/fleets.md).
     """
     # What a diagnosis needs takes seconds to load, and help and a mistyped option need none of it.
@@ -139,8 +138,8 @@ def _refuse_beside_a_fleet(
     """Raise ValueError for what has no use where a fleet is diagnosed."""
     if len(recordings) > 1:
         raise ValueError(
-            f"{len(recordings)} recordings are given, and one of them is a fleet; give"
-            " the folder or the table of recordings alone, or recordings only"
+            f"{len(recordings)} arguments are given, and one of them is a fleet; give"
+            " either one folder or table of recordings, or only recordings"
         )
     if validate or wall is not None or model is not None:
         option = "--validate" if validate else "--known-torque" if wall is None else "--wall"

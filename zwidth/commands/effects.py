@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from zwidth.console import Column, Console, announce, json_number
+from zwidth.console import Column, Console, json_number
 from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
 from zwidth.figures.style import picture_files
 from zwidth.files.protection import reading
@@ -94,7 +94,6 @@ def _draw(console: Console, effect: Effect, stem: Path) -> None:
     from zwidth.figures.effect import effect_figure
     from zwidth.figures.style import save_figure
 
-    announce(console)
     for path in save_figure(effect_figure(effect), stem):
         console.say(f"wrote {path}")
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.exam.conceal import conceal, orders
 from zwidth.exam.strata import counts
 from zwidth.exam.take import mark_all, result, sit_all
@@ -84,7 +84,6 @@ def command(
     stems = [stem for path in pages for stem in _pictures(path).values()]
     pictures = [file for stem in stems for file in picture_files(stem)]
     console.will_write(folder / "exam.json", *pages, *pictures)
-    announce(console)
     with executor(cluster, processes) as runner:
         if making:
             asked = orders(folder, counts(count, strata, rigs, outside), seed or 0, seconds)

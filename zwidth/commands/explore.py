@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from zwidth.console import Console, announce, progress
+from zwidth.console import Console, progress
 from zwidth.door import asker, fitted, taken
 from zwidth.estimator_option import estimator_option, with_estimator
 from zwidth.heartbeat import HEART
@@ -20,19 +20,19 @@ PORT = 5006
 @click.command("explore")
 @device_argument()
 @click.option("--compare", multiple=True, metavar="DEVICE2",
-              help="A second device to switch to on the page, for example NAME.augmented.toml of"
-              " 'zwidth diagnose'; may be repeated.")  # fmt: skip
+              help="Another device that you can select on the page, for example the"
+              " NAME.augmented.toml of 'zwidth diagnose'; may be repeated.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
-              help="Recording to draw beside every run; a file dropped on the page works"
-              " too.")  # fmt: skip
+              help="Recording to draw beside every run. You can also drop a file on the"
+              " page.")  # fmt: skip
 @estimator_option
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,
               help="Port of the page; 0 for any free port.")  # fmt: skip
 @click.option("--address", default="localhost", show_default=True, metavar="HOST",
-              help="Host name or address of this machine, to let others on the network open the"
-              " page. There is no password.")  # fmt: skip
+              help="Address at which this machine serves the page. With its host name or network"
+              " address, others can open the page; there is no password.")  # fmt: skip
 @click.option(
-    "--no-browser", is_flag=True, help="Print the address of the page and open no browser."
+    "--no-browser", is_flag=True, help="Only print the address of the page; open no browser."
 )
 def command(
     device: str, compare: tuple[str, ...], recording: Path | None, estimator: str | None,
@@ -41,9 +41,10 @@ def command(
     """Explore the K-B plane of a device in the browser.
 
     DEVICE is a shipped device, a device file, or a recording such as a CSV. If you give a
-    recording, a device is fitted to it, and it is drawn beside every run. Sliders change encoder,
-    amplifier, delay, friction and start. A click on the plane simulates that wall; its run can be
-    saved as a log or a scenario. The address of the page holds all settings. Ctrl-C ends it.
+    recording, a device is fitted to it, and the recording is drawn beside every run. Sliders change
+    the encoder, amplifier, delay, friction and start. A click on the plane simulates the wall at
+    that point; the run can be saved as a log or a scenario. The page's address contains all
+    settings, so it can be bookmarked. Ctrl-C ends the command.
     """
     console = Console()
     if find_spec("bokeh") is None:
@@ -70,17 +71,16 @@ def command(
     bench = Bench(devices, trace)
     server, url = listen(bench, address, port)
     try:
-        announce(console)
         preparing = steps(bench)
-        with progress("preparing", len(preparing)) as advance:
+        with progress("compiling the simulation", len(preparing)) as advance:
             for what, prepare in preparing:
                 advance(0, now=what)
                 prepare()
                 advance(1, now=what)
         if address != LOCAL:
-            console.warn(f"anyone who can reach {url} may use it; there is no password")
+            console.warn(f"anyone who can reach {url} can use the page; there is no password")
         server.start()
-        console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
+        console.say(f"{bench.devices[0].name}: {url} (Ctrl-C to end)")
         HEART.stop()  # from here on it waits for the browser
         if not no_browser:
             server.io_loop.add_callback(webbrowser.open, url)
@@ -103,12 +103,12 @@ def _is_data(name: str) -> bool:
 def _taken(console: Console, path: Path) -> Trace:
     trace, said = taken(path, asker())
     if said:
-        console.note(f"{path.name} is a file of another tool; it is read as:")
+        console.note(f"{path.name} was written by another tool; its columns are read as follows:")
     for line in said:
         console.note(f"  {line}")
     if said:
         console.note(
-            f"'zwidth diagnose {path}' writes two files that you can edit: how {path.name} is read,"
-            " and a device"
+            f"if this is wrong, run 'zwidth diagnose {path}' and edit the two files that it writes:"
+            " one says how the columns are read, the other describes the fitted device"
         )
     return trace

@@ -42,14 +42,13 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
 @click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
               help="Length of the run in which the error is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
-              help="Seed of random events (lost samples) and of the draws of"
-              " --randomise.")  # fmt: skip
+              help="Seed of random events (lost samples) and of --randomise.")  # fmt: skip
 @click.option("--randomise", type=click.IntRange(1, 100_000), metavar="N",
-              help="Also write N joint random draws of the file's numbers, for"
-              " training.")  # fmt: skip
+              help="Also write N random sets of the parameters in FILE, drawn from their"
+              " uncertainty, for domain randomisation in training.")  # fmt: skip
 @click.option("draws_file", "--draws", metavar="FILE", type=click.Path(dir_okay=False,
-              path_type=Path), help="File of the draws: .json, .npz or .csv. Default:"
-              " OUT.draws.json.")  # fmt: skip
+              path_type=Path), help="File for the sets of --randomise: .json, .npz or .csv."
+              " Default: FILE with the ending .draws.json.")  # fmt: skip
 @force_option
 @json_option
 def command(
@@ -63,7 +62,7 @@ def command(
     draws_file: Path | None,
     json_file: str | None,
 ) -> None:
-    """Write a device for another simulator, and list what its format cannot hold.
+    """Write a device in another simulator's format, and list what it cannot hold.
 
     DEVICE is a shipped device or a device file.
 
@@ -77,8 +76,9 @@ def command(
     newton    a body, a joint and a NewtonActuator, as USD
     bam       a JSON of Better Actuator Models, m1, m2 or m5
 
-    What the format cannot hold is printed and written at the head of FILE. If FILE can be
-    run here, DEVICE and FILE follow the same command, and the rms error between them is printed.
+    What the format cannot hold is printed, and written at the top of FILE. If this machine can run
+    FILE, DEVICE and FILE are simulated under the same command, and the rms error between them is
+    printed.
     """  # noqa: D301 (\b is click's mark of lines to be kept)
     console = Console(json_file)
     given = load_device(device)

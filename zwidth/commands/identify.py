@@ -12,6 +12,7 @@ from zwidth.covariance import save_covariance
 from zwidth.door import described
 from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
+from zwidth.heartbeat import HEART
 from zwidth.identification.coordinates import MAX_MODES
 from zwidth.identification.fit import Fit, fit_response
 from zwidth.identification.identified import identified
@@ -61,6 +62,7 @@ def command(
     console = Console(json_file)
     if not recording.exists():
         raise ValueError(f"there is no recording {str(recording)!r}; check the path")
+    HEART.begins(f"reading {recording.name}")
     trace = read_recording(described(console, recording, out))
     stem = _file_stem(name) if name else recording.stem
     device_file = out / (f"{stem}.toml" if name else f"{stem}.device.toml")
@@ -68,7 +70,7 @@ def command(
     console.will_write(device_file, spread, *picture_files(bode))
     fit = fit_response(
         trace, modes, output=position, command=channel, delay=_delay(delay_ms), from_hz=from_hz,
-        to_hz=to_hz,
+        to_hz=to_hz, say=lambda how: HEART.begins(f"fitting the device: {how}"),
     )  # fmt: skip
     warned = trace.facts.get("warnings", ())
     for warning in (*(warned if isinstance(warned, list | tuple) else ()), fit.note):
@@ -83,6 +85,7 @@ def command(
     write_text(device_file, commented_text(device))
     save_covariance(spread, fit.names, fit.covariance)
     console.result(_result(device, fit, device_file, spread))
+    HEART.begins("drawing the Bode diagram")
     from zwidth.figures.identified import fit_figure  # matplotlib takes a second, after the work
     from zwidth.figures.style import save_figure
 

@@ -6,7 +6,7 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files, save_figure
 from zwidth.jobs.choose import executor
@@ -41,15 +41,19 @@ FIXED_BY: dict[Quantities, str] = {
 @click.command("map")
 @device_argument()
 @click.option("--axes", nargs=2, type=click.Choice(QUANTITIES), default=("B", "K"),
-              show_default=True, help="Two quantities, horizontal and vertical.")  # fmt: skip
+              show_default=True, help="The quantities on the horizontal and the vertical"
+              " axis.")  # fmt: skip
 @click.option("--x-range", nargs=2, type=Quantity("SI"),
-              help="Range of the first axis. Default: around the linear boundary.")  # fmt: skip
-@click.option("--y-range", nargs=2, type=Quantity("SI"), help="Range of the second axis.")
+              help="Range of the horizontal axis. Default for B and K: around the linear boundary;"
+              " for others: a customary range.")  # fmt: skip
+@click.option("--y-range", nargs=2, type=Quantity("SI"),
+              help="Range of the vertical axis; the default is chosen in the same"
+              " way.")  # fmt: skip
 @click.option(
     "--log",
     multiple=True,
     type=click.Choice(QUANTITIES),
-    help="Space the values of this axis logarithmically.",
+    help="Give the axis of this quantity a logarithmic scale.",
 )
 @click.option("--stiffness", type=Quantity("N m/rad | N/m", above=True), default=10.0,
               show_default=True, help="K, if it is not an axis.")  # fmt: skip
@@ -68,8 +72,8 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
               help="Start amplitude, if it is not an axis.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=4.0, show_default=True,
-              help="Length of a run; up to four times as long if the outcome is"
-              " unclear.")  # fmt: skip
+              help="Length of a run. A run with an unclear outcome is extended, up to four"
+              " times this length.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Integration steps per sample. Default: 10 with friction, else 1.")  # fmt: skip
 @click.option("perceptible", "--felt-force", "--perceptible", type=Quantity("N m | N"),
@@ -104,23 +108,23 @@ def command(
 ) -> None:
     """Map the outcome of runs over two quantities, with the linear boundary drawn over it.
 
-    DEVICE is a shipped device or a device file. A run comes to rest, dithers (oscillates under the
-    steps of encoder or command, unfelt or felt), or grows. Finished parts are kept in the folder:
-    after an interruption, the same command continues where it stopped, here or on a cluster.
+    DEVICE is a shipped device or a device file. A run comes to rest, grows, or dithers: the steps
+    of the encoder or the command sustain an oscillation, which a hand feels or not. Finished parts
+    are kept in --out: after an interruption, the same command continues where it stopped, here or
+    on a cluster.
     """
     console = Console(json_file)
     _refuse_idle_options(context, options)
     plane = _plane(load_device(device), options)
     say_without_theory(console, plane.device)
     console.will_write(out / "map.nc", *picture_files(out / "map"))
-    announce(console)
-    with executor(cluster) as runner, progress("percent mapped", 100) as advance:
+    with executor(cluster) as runner, progress("computing the map, percent", 100) as advance:
         shown = 0
 
         def report(share: float, runs: int) -> None:
             nonlocal shown
             percent = int(100.0 * share)
-            advance(percent - shown, now=f"{runs} runs")
+            advance(percent - shown, now=f"({runs} runs simulated)")
             shown = percent
 
         result = make_map(
@@ -149,7 +153,10 @@ def _refuse_idle_options(context: click.Context, options: dict[str, Any]) -> Non
             )
     for quantity in options["log"]:
         if quantity not in options["axes"]:
-            raise ValueError(f"--log {quantity} has no use while {quantity} is not an axis")
+            raise ValueError(
+                f"--log {quantity} has no use while {quantity} is not an axis; leave it out, or add"
+                f" {quantity} to --axes"
+            )
 
 
 def _plane(device: Device, options: dict[str, Any]) -> Plane:

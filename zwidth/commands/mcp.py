@@ -2,6 +2,8 @@
 
 import click
 
+from zwidth.heartbeat import HEART
+
 
 @click.command("mcp")
 def command() -> int:
@@ -16,4 +18,5 @@ def command() -> int:
         raise click.ClickException(
             f"the SDK of the protocol is missing ({error}); run: pip install 'zwidth[mcp]'"
         ) from None
+    HEART.stop()  # from here on it waits for its client
     return serve()

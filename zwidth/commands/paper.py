@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from zwidth.console import Console, announce, progress
+from zwidth.console import Console, progress
 from zwidth.jobs.executor import Processes
 from zwidth.options import force_option, out_option
 from zwidth.paper.report import DrawnSection, save_pictures, save_report
@@ -18,18 +18,18 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 @click.command("paper")
 @click.option("--section", "chosen", multiple=True, metavar="NAME",
               type=click.Choice(list(SECTIONS)),
-              help=f"Only this section; may be repeated: {', '.join(SECTIONS)}.")  # fmt: skip
+              help="Compute only this section; may be repeated. One of"
+              f" {', '.join(SECTIONS)}.")  # fmt: skip
 @out_option("runs/paper")
 @force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:
     """Recompute the figures and tables of the paper on virtual walls, beside the published ones.
 
-    docs/paper.md describes the paper, whose diagrams (Fig. 4, 5, 9) are not drawn. Writes one HTML
-    report, DIR/report.html, which holds every picture, and each picture as PNG and SVG.
+    docs/paper.md names the paper. Its block diagrams (Fig. 4, 5, 9) have no results and are left
+    out. Writes one HTML report with all pictures, DIR/report.html, and each picture as PNG and SVG.
     """
     console = Console()
     console.will_write(out / "report.html")
-    announce(console)
     keys = [key for key in SECTIONS if key in chosen or not chosen]
     done: dict[str, DrawnSection] = {}
     try:

@@ -10,7 +10,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.console import Advance, Column, Console, announce, progress
+from zwidth.console import Advance, Column, Console, progress
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.figures.plan import named, plan_figure
@@ -36,19 +36,19 @@ Floats = NDArray[np.float64]
 @click.command("plan")
 @device_argument("name")
 @click.option("--noise", type=Quantity("rad | m", above=True), default=None,
-              help="Noise of the measured position, rms. Default: rounding to an encoder"
-              " step.")  # fmt: skip
+              help="Noise of the measured position, rms. Default: the rounding error of the"
+              " encoder, its step over sqrt(12).")  # fmt: skip
 @click.option("--process-noise", type=Quantity("N m | N", above=True), default=None,
-              help="Random force at m1, new every tick, rms. Default: 0.2 % of the largest"
-              " command.")  # fmt: skip
+              help="Random force at m1, rms; every sample has a new value. Default: 0.2 % of"
+              " the largest command.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=20.0, show_default=True,
               help="Length of the recording.")  # fmt: skip
 @click.option("--excitation", "names", metavar="NAME|SCENARIO.toml", multiple=True,
               default=("standard_session",), show_default=True,
-              help=f"One of {', '.join(LIBRARY)}, or a scenario whose command is played; may be"
-              " repeated.")  # fmt: skip
+              help=f"The command to play: one of {', '.join(LIBRARY)}, or that of a scenario; may"
+              " be repeated.")  # fmt: skip
 @click.option("--level", type=Quantity("N m | N", above=True), default=None,
-              help="Largest command. Default: 90 % of the device's limit.")  # fmt: skip
+              help="Largest command. Default: 90 % of the device's command limit.")  # fmt: skip
 @click.option("--travel", type=Quantity("rad | m", above=True), default=None,
               help="Largest travel of m1. Default: 1 rad or 0.1 m.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
@@ -68,19 +68,19 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Say what a recording would show, before it is made.
+    """Predict which effects a recording would show, before you make it.
 
     DEVICE is a shipped device or a device file.
 
-    Lists the smallest size of each effect that the recording would detect with five sigma, after
-    the known parameters are refitted; then the pairs of effects that it could not tell apart, and
-    an excitation that can. Writes a picture, and each excitation as a scenario to play.
+    First, for each effect, the smallest magnitude that the recording would detect: five sigma
+    after a refit of the device's parameters. Then, the pairs of effects that the recording could
+    not tell apart, and an excitation that can. Writes a picture, and each excitation as a scenario
+    that 'zwidth simulate' or a rig can play.
     """
     console = Console(json_file)
     device = load_device(name)
     for warning in remarks_on(device):
         console.warn(warning)
-    announce(console)
     check_length(device, seconds)
     scale = scale_for(device, level=level, travel=travel)
     seen = usual_noise(device, scale, noise, process_noise)
@@ -141,8 +141,8 @@ def _command(name: str, device: Device, seconds: float, scale: Scale, seed: int)
     own, period = scenario.device.interface.period, device.interface.period
     if own != period:
         raise ValueError(
-            f"{name} has a period of {own:g} s, {device.name} at {period:g} s; set period_s in one"
-            " of them"
+            f"{name} has a period of {own:g} s, {device.name} one of {period:g} s; give both the"
+            " same period_s"
         )
     if scenario.controller.kind == recorded(np.zeros(1)).kind:
         return scenario.controller.parameters[: scenario.ticks].copy()
@@ -205,7 +205,8 @@ def _say_pairs(console: Console, found: Plan) -> None:
         for pair in found.confusable
     ]
     console.table(
-        f"\n{found.excitation}: not told apart at {ALIKE:g} times that, and what would",
+        f"\n{found.excitation}: pairs that it cannot tell apart, even at {ALIKE:g} times these"
+        " magnitudes, and an excitation that can",
         columns,
         rows,
     )

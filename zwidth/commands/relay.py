@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
@@ -65,10 +65,10 @@ def command(
 ) -> None:
     """Find K_CR and the ultimate frequency by a relay, as the paper did on the real device.
 
-    DEVICE is a shipped device or a device file. K_CR is the largest stable stiffness. Each
-    condition (delay, damping) is run from a reference start (m1 at 1e-3, at rest) and from random
-    starts; the limit cycle that most of them reach is listed first. A run that keeps growing is
-    listed as diverging.
+    DEVICE is a shipped device or a device file. K_CR is the largest stable stiffness. For each
+    delay and damping, runs begin from a reference start (m1 displaced by 1e-3 rad or m, at rest)
+    and from random starts. The limit cycle that most runs reach is listed first. A run that keeps
+    growing is listed as diverging.
     """
     console = Console(json_file)
     device = load_device(name)
@@ -77,11 +77,10 @@ def command(
     device = with_estimator(device, estimator)
     say_without_theory(console, device)
     console.will_write(*picture_files(out / "relay"), *picture_files(out / "relay_boundary"))
-    announce(console)
     asked = _asked(device, delay_ms, damping)
     devices = [device.with_interface(delay=delay) for delay, _ in asked]
     test = RelayTest(force=level, substeps=substeps or max(map(usual_substeps, devices)))
-    with progress("relay", len(asked)) as advance:
+    with progress("simulating relay tests", len(asked)) as advance:
         found = relay_conditions(
             devices, [b for _, b in asked], starts, seed, test, lambda: advance(1)
         )

@@ -8,6 +8,7 @@ import click
 from zwidth.console import Console, json_number
 from zwidth.errors import Status
 from zwidth.files.protection import reading
+from zwidth.heartbeat import HEART
 from zwidth.options import force_option, json_option
 from zwidth.scenarios.comparison import Difference
 from zwidth.scenarios.replay import ReplayResult, replay
@@ -29,7 +30,10 @@ def command(log: Path, controller: Step | None, json_file: str | None) -> int:
     console = Console(json_file)
     reading(log)
     console.will_write()
-    result = replay(log, controller)
+    HEART.begins(f"reading {log.name}")
+    result = replay(
+        log, controller, lambda share: HEART.begins(f"simulating again, {100.0 * share:.0f} %")
+    )
     for note in result.notes:
         console.warn(note)
     console.say(sentence(result))

@@ -17,17 +17,17 @@ HEADLINE = re.compile(r"<title>(.*?)</title>", re.DOTALL)
 
 @click.command("report")
 @click.argument("what", metavar="[WHAT]", default="runs", type=click.Path(path_type=Path))
-@click.option("show", "--open", is_flag=True, help="Open it in the browser.")
+@click.option("show", "--open", is_flag=True, help="Open the report in the browser.")
 @force_option
 @json_option
 def command(what: Path, show: bool, json_file: str | None) -> None:
     """Find the report of a diagnosis, and open it with --open.
 
-    WHAT is a report (NAME.diagnosis.html), a folder, of which the newest report is taken, or a
-    recording, whose report is looked for in runs/. Default: runs.
+    WHAT is a report (NAME.diagnosis.html), a folder (its newest report is taken), or a recording
+    (its report is searched in runs/ and beside the recording). Default: runs.
 
-    A report is one HTML file below 3 MB that fetches nothing: send it as it is. In it, drag across
-    a curve to zoom.
+    A report is one HTML file below 3 MB that loads nothing from elsewhere, so it can be sent as it
+    is. Drag across a curve in it to zoom.
     """
     console = Console(json_file)
     path = found(what)

@@ -19,7 +19,6 @@ from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.controller import Step
 from zwidth.sim.device_file import remarks_on
-from zwidth.sim.jit import cache_folder
 from zwidth.sim.perception import FORCE, Perception
 from zwidth.sim.run import Run
 from zwidth.user_law import controller_option
@@ -87,8 +86,6 @@ def command(
         )
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
     console.will_write(log, picture)
-    if not cache_folder().exists():
-        console.say("compiling the simulation, once for each version (a minute or more)")
     out.mkdir(parents=True, exist_ok=True)
     with progress("simulating", described.ticks) as advance:
         logged = logged_run(described, log, perception=felt, on_block=advance)

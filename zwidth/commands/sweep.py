@@ -6,7 +6,7 @@ from typing import Any, get_args
 import click
 import numpy as np
 
-from zwidth.console import Column, Console, announce, progress
+from zwidth.console import Column, Console, progress
 from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
@@ -57,11 +57,11 @@ from zwidth.views.sweep import table
 @force_option
 @json_option
 def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
-    """Find the interface setting with which a device can render the most walls.
+    """Find the value of an interface setting that gives a device the largest Z-width.
 
-    DEVICE is a shipped device or a device file. For each value of one setting it computes the
-    Z-width, the area of stable walls in the plane of damping and stiffness, by simulation and by
-    linear theory. Writes the device with the best value as best.toml.
+    DEVICE is a shipped device or a device file. The Z-width is the area of stable walls in the
+    plane of damping and stiffness. It is computed for each value of one setting, by simulation and
+    by linear theory. Writes the device with the best value as best.toml.
     """
     console = Console(json_file)
     device = load_device(name)
@@ -79,10 +79,9 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     device = with_estimator(device.with_interface(**changes), options["estimator"])
     say_without_theory(console, device)
     console.will_write(out / "best.toml", *picture_files(out / "sweep"))
-    announce(console)
     limit = max(options["limit_s"], 4.0)
     trial = Trial(options["start"], limit_s=limit, substeps=usual_substeps(device))
-    with progress("percent swept", 100) as advance:
+    with progress("computing the sweep, percent", 100) as advance:
         shown = 0
 
         def report(done: int, total: int) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from zwidth.console import Console, announce
+from zwidth.console import Console
 from zwidth.diagnose_files import RESULTS, diagnose_files
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.files import protection
@@ -102,7 +102,6 @@ def command(
             with _as_diagnose():
                 protection.check(*(out / f"{log.stem}.{ending}" for ending in RESULTS))
         console.will_write()
-        announce(console)
         lines = _Lines(console)
         asked = Asked(growing, description, log.stem if not is_stream else "stdin", device,
                       damping, wall, idle)  # fmt: skip

@@ -53,7 +53,7 @@ class Line:
             return None
         beside = np.argsort(np.abs(self.damping - damping))[:2]
         a, b = self.frequency[beside]
-        if not abs(b - a) <= ONE_BRANCH * a:  # another oscillation ends it there
+        if not abs(b - a) <= ONE_BRANCH * a:  # another oscillation sets the limit there
             return k, float(a)
         beside = np.sort(beside)
         return k, float(np.interp(damping, self.damping[beside], self.frequency[beside]))
@@ -61,9 +61,9 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Devices, the nominal one first; a recording that lies beside every run, where there is one.
+    """The devices of the page, the nominal one first, and a recording to draw beside every run.
 
-    Raises ValueError for a device that a map does not take.
+    Raises ValueError for a device that a map cannot use.
     """
 
     devices: Sequence[Device]
@@ -77,7 +77,7 @@ class Bench:
 
     @cached_property
     def names(self) -> list[str]:
-        """Names by which people can tell the devices apart, for instance by what was found."""
+        """The devices' names, all different: if two are equal, the added effects are named."""
         first = self.devices[0]
         found = [first.name]
         for device in self.devices[1:]:
@@ -88,7 +88,7 @@ class Bench:
         return found
 
     def device(self, view: View) -> Device:
-        """Return the device of a view, changed as its sliders say."""
+        """Return the device of a view, with the settings of its sliders."""
         own = self.devices[view.device]
         changes = {
             name: value
@@ -99,7 +99,7 @@ class Bench:
         return device if view.friction is None else with_friction(device, view.friction)
 
     def plane(self, view: View) -> Plane:
-        """Return the plane of a view whose axes are known; raises ValueError."""
+        """Return the plane of a view that has ranges for both axes; raises ValueError."""
         assert view.damping_range is not None
         assert view.stiffness_range is not None
         device = self.device(view)

@@ -20,9 +20,9 @@ def steps(bench: Bench) -> list[tuple[str, Callable[[], object]]]:
         view = replace(bench.fitted(View(device=number)), stiffness=1.0, damping=0.0)
         dry = replace(view, friction=NEVER_FELT)
         found += [
-            (f"one run of {device.name}", lambda v=dry: look(bench, v)),
-            (f"planes of {device.name}", lambda v=view: _one_point(bench, v)),
-            (f"planes of {device.name} with friction", lambda v=dry: _one_point(bench, v)),
+            (f"for a run of {device.name}", lambda v=dry: look(bench, v)),
+            (f"for the K-B plane of {device.name}", lambda v=view: _one_point(bench, v)),
+            ("for the same plane with friction", lambda v=dry: _one_point(bench, v)),
         ]
     return found
 

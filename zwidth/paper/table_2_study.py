@@ -16,7 +16,11 @@ Floats = NDArray[np.float64]
 
 
 class Errors(NamedTuple):
-    """Mean absolute errors: K in parts I and II [N m/rad], f in part I [Hz]; rows with no wall."""
+    """Mean absolute errors of a candidate over rows of Table II.
+
+    part_1, part_2: of K in parts I and II [N m/rad]. frequency_hz: of f in part I. without: number
+    of rows for which the candidate has no stable wall.
+    """
 
     part_1: float
     part_2: float
@@ -26,7 +30,10 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True)
 class Judged:
-    """A candidate: its fit to all good rows, and the errors with and without the row in the fit."""
+    """A candidate effect, fitted to all good rows.
+
+    fitted: the errors of this fit. left_out: the error of each row by a fit to all other rows.
+    """
 
     name: str
     values: dict[str, float]
@@ -35,12 +42,12 @@ class Judged:
 
 
 def good_rows() -> list[MeasuredPoint]:
-    """Return the rows of Table II that are no misprints."""
+    """Return the rows of Table II that are not misprints."""
     return [row for row in table_2() if row.damping_meant is None]
 
 
 def study(names: Sequence[str] = tuple(CANDIDATES), leave_out: bool = True) -> list[Judged]:
-    """Fit and judge candidates; without leave_out both errors are those of the fit."""
+    """Fit and judge candidates; if leave_out is false, `left_out` is the same as `fitted`."""
     rows = good_rows()
     found: list[Judged] = []
     for name in names:

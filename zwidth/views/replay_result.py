@@ -37,7 +37,9 @@ def dataset(result: ReplayResult) -> "Dataset":
 
 def _drawn(result: ReplayResult) -> "Figure":
     if result.trace is None:
-        raise ValueError("this replay result holds no trace; make it with replay(path)")
+        raise ValueError(
+            "this replay result has no trace to draw; call replay(path), whose result has one"
+        )
     figure = signals.PICTURES["signals"](result.trace)
     first, top = result.first_difference, figure.axes[0]
     if first is None:

@@ -5,7 +5,16 @@ import signal
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
+
+from zwidth.heartbeat import HEART
+from zwidth.sim.compiling import watched
+
+
+class _Compiles(NamedTuple):
+    """Whether the process of a worker begins to compile kernels, or has ended."""
+
+    begins: bool
 
 
 class Works(Protocol):
@@ -49,13 +58,17 @@ class Worker:
         """
         if not self.busy or not self._here.poll():
             return None
-        self.busy = False
         try:
             result = self._here.recv()
         except EOFError:
+            self.busy = False
             raise ChildProcessError(
                 "the process of the fit died; it may need more memory"
             ) from None
+        if isinstance(result, _Compiles):
+            HEART.compiles(result.begins)
+            return None
+        self.busy = False
         if isinstance(result, BaseException):
             raise result
         return result
@@ -73,6 +86,11 @@ def _work(orders: Connection, nice: int) -> None:
     os.environ["ZWIDTH_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: who follows the log ends it
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with watched(lambda begins: orders.send(_Compiles(begins))):
+        _obey(orders)
+
+
+def _obey(orders: Connection) -> None:
     while True:
         try:
             function, arguments = orders.recv()
