@@ -115,8 +115,8 @@ def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
 
     known, gains = [spread.p], [spread.gain()]
     seen, variance = readings(spread.p)
-    told, variances = [seen], np.empty((MOST, *variance.shape))
-    variances[0] = variance
+    told, variances = np.empty((MOST, *seen.shape)), np.empty((MOST, *variance.shape))
+    told[0], variances[0] = seen, variance
     after: dict[tuple[int, bool], int] = {(0, False): 0}
     which, here, since = np.zeros(lost.size, dtype=np.int64), 0, set[int]()
     for k, gone in enumerate(lost.tolist()):
@@ -132,15 +132,16 @@ def schedule(spread: Spread, lost: Lost) -> tuple[NDArray[np.int64], Floats]:
             seen, variance = readings(p)
             off = np.abs(variances[: len(known)] / variance - 1.0).max(axis=(1, 2))
             rows = ALIKE * np.abs(seen).max(axis=2, keepdims=True)
-            near = [i for i in np.flatnonzero(off <= n * ALIKE).tolist() if i not in since]
-            same = next((i for i in near if np.all(np.abs(told[i] - seen) <= rows)), None)
+            close = np.flatnonzero(off <= n * ALIKE).tolist()
+            near = np.array([i for i in close if i not in since], dtype=np.int64)
+            alike = (np.abs(told[near] - seen) <= rows).all(axis=(1, 2, 3))
+            same = int(near[np.argmax(alike)]) if alike.any() else None
             if same is None and len(known) == MOST:
                 same = int(np.argmin(off))
             if same is None:
                 same = len(known)
-                variances[same] = variance
+                told[same], variances[same] = seen, variance
                 known.append(p)
-                told.append(seen)
                 gains.append(spread._replace(p=p).gain())
             after[step] = same
         here = after[step]
