@@ -3,7 +3,9 @@
 Two kinds. A sensor that is read more slowly than the log is written repeats every reading equally
 often: all its changes then come at one place in every h samples, which no motion does. A reading
 may also be late only now and then: while a position moves by several of its steps per sample, more
-than its noise could cancel, two values that are equal to the last digit are one reading.
+than its noise could cancel, two values that are equal to the last digit are one reading. But a
+motion that is not even stands still for a sample by chance: as often as it moves by one step, or by
+two. So there must be more equal readings than that.
 
 A recording of the first kind is refused, with the rate to use instead; the second is corrected by a
 spline through the new readings.
@@ -14,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.special import pdtrc
 
 from zwidth.sim.trace import Trace
 
@@ -24,6 +27,7 @@ ENOUGH = 50  # changes that can say so
 AROUND = 8  # samples on each side that say how fast a position runs
 RUNS = 4.0  # steps or noises a sample, from which equal readings are one
 MOST = 0.3  # share of repeated readings that a spline may fill
+CHANCE = 1e-4  # probability of as many equal readings by chance
 
 
 def repeated(values: Floats) -> int:
@@ -71,8 +75,15 @@ def _stale(values: Floats) -> NDArray[np.bool_]:
     noise = float(np.median(np.abs(np.diff(values, 2))))
     wide = np.abs(values[2 * AROUND :] - values[: -2 * AROUND]) / (2 * AROUND)
     around = np.concatenate([np.zeros(AROUND), wide, np.zeros(AROUND)])
-    runs = np.minimum(around, _across(values)) > RUNS * max(step, noise)
+    least = RUNS * max(step, noise)
+    runs = np.minimum(around, _across(values)) > least
     stale[1:] = (steps == 0.0) & runs[1:]
+    # Changes up to `least` that are not zero take 2 least / s values, if s is the smallest change.
+    small = int(np.sum(runs[1:] & (steps > 0.0) & (steps <= least)))
+    by_chance = small * float(moved.min()) / (2.0 * least)
+    equal = int(np.count_nonzero(stale))
+    if equal and float(pdtrc(equal - 1, by_chance)) > CHANCE:  # a Poisson count of that mean
+        stale[:] = False
     return stale
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from zwidth.diagnosis.recording.experiment import ExperimentError, stretches
 from zwidth.logs.recording import read_recording
@@ -112,6 +113,20 @@ def test_stale_readings_are_filled_in_from_the_others() -> None:
     assert not np.any(wrong & fast)
     assert "are taken as stale" in said
     assert renewed(trace(q), ["position_m1"], "bus")[1] == ""
+
+
+def test_an_uneven_motion_that_stands_for_a_sample_by_chance_is_not_stale() -> None:
+    """Its changes scatter about zero, so none is as frequent as one of one step, or of two.
+
+    Mutation: no count of the small changes.
+    """
+    step, t = 4.75e-6, np.arange(6000)
+    noise = np.random.default_rng(1).standard_normal(t.size)
+    fast = t % 1000 < 300
+    change = np.rint((2e-5 + fast * (5e-4 + lfilter([2.5e-4], [1.0, -0.6], noise))) / step)
+    assert np.count_nonzero((change == 0.0) & fast) > 4
+    q = step * np.cumsum(change)
+    assert renewed(trace(q), ["position_m1"], "swing")[1] == ""
 
 
 def test_what_stands_while_it_sets_out_is_no_stale_reading() -> None:
