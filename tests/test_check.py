@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from sampled import Sampled
 
 import zwidth
 from zwidth import cli
@@ -22,6 +23,7 @@ from zwidth.sim.device import DeviceError
 from zwidth.sim.device_file import commented_text, device_from_text, load_device, save_device
 
 PERIOD, SECONDS, NOISE = 0.002, 8.0, 1e-4
+SAMPLE_NOISE = np.deg2rad(0.005)  # docs/sample/make_bench.py
 LINES = ((0.11, 0.5), (0.07, 1.3), (0.05, 2.9), (0.03, 7.1))  # [N m], [Hz]
 RATIO = 1e-8
 STEP = 1e-4 * np.pi / 180.0  # of an encoder [rad]
@@ -170,7 +172,8 @@ def test_what_its_own_parameters_do_not_explain_is_left_to_a_search():
     assert not found.explains
     assert not found.changed  # what it fits best is no cause
     assert found.sentence.endswith(
-        "no change of its own parameters explains it; --diagnose searches"
+        "no change of the device's parameters explains the errors; --diagnose searches for other"
+        " physics"
     )
 
 
@@ -200,13 +203,26 @@ def test_a_recording_that_stands_still_says_nothing():
         check(banded(), [("still.csv", [still])])
 
 
-def test_a_diagnosis_gives_its_device_a_band():
-    """Mutation: `with_band` left out of the answer."""
+def test_a_diagnosis_gives_its_device_a_band(sampled: Sampled):
+    """That of the shipped sample, which is of this bench. Mutation: `with_band` left out of it."""
+    found = sampled.found.device
+    assert found.band is not None
+    (output,) = found.band.outputs
+    assert output.name == "position_m1"
+    assert output.noise == pytest.approx(SAMPLE_NOISE, rel=0.1)
+    assert SAMPLE_NOISE < output.error < 0.01 * output.motion
+    as_ever, changed = (recorded(d, 60, noise=SAMPLE_NOISE) for d in (bench(), heavier(bench())))
+    assert zwidth.check(found, as_ever).within
+    assert not zwidth.check(found, changed).within
+
+
+@pytest.mark.truth
+def test_a_machine_as_it_was_is_within_the_band_of_its_diagnosis():
+    """Mutation: no chance of windows in `most`."""
     rough = bench().without_physics("stribeck_friction")
     answer = zwidth.diagnose(recorded(bench(), 1), rough, effort="quick")
     assert answer.device.band is not None
     (output,) = answer.device.band.outputs
-    assert output.name == "position_m1"
     assert output.noise == pytest.approx(NOISE, rel=0.1)
     assert NOISE < output.error < 0.01 * output.motion
     outside = [seed for seed in range(60, 70)
@@ -328,4 +344,4 @@ def test_a_model_is_checked_in_mujoco_and_one_that_changed_is_told_from_the_mach
     assert wrong != text
     (rig / "other.xml").write_text(wrong)
     assert cli.run([*own, "other.xml"]) == Status.FAILED
-    assert "the model or its simulator changed" in capsys.readouterr().out
+    assert "the model or its simulator has changed" in capsys.readouterr().out

@@ -6,18 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fitting_examples import drive, recording
+from fitting_examples import drive
+from sampled import Sampled
 
 from zwidth.diagnosis.answer.consequence import Worth, may_be_nothing
 from zwidth.diagnosis.answer.result import Estimate, Finding, Verdict
 from zwidth.diagnosis.answer.stands import ends_badly
 from zwidth.diagnosis.answer.verdict import Facts, Left
 from zwidth.diagnosis.answer.words import negligible_in_words, why, worth_in_words
-from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.exam.mark import mark
-from zwidth.sim.physics import make_physics
 
 
 def finding(lower: float, upper: float, effect: str = "coulomb_friction") -> Finding:
@@ -67,20 +65,16 @@ def test_worth_and_no_consequence_in_words() -> None:
     )
 
 
-def test_a_diagnosis_says_what_its_finding_is_worth() -> None:
-    """Friction of a third of the command. Mutations: the refit's own error; held out not judged."""
-    device = drive()
-    friction = make_physics("coulomb_friction", "m1", level=0.03)
-    found = diagnose(device, [recording(device.with_physics(friction), 3000, 4)], effort=QUICK)
-    one, *rest = found.findings
-    assert one.effect == "coulomb_friction"
-    assert [f.effect for f in rest] == ["encoder_step"]
-    assert one.worth is not None
-    assert one.worth.pays
-    assert one.worth.times > 1.5
-    said = found.as_json()["findings"][0]["worth"]
-    assert said == {k: getattr(one.worth, k) for k in ("times", "sigma", "horizon")}
-    assert found.as_json()["negligible"] == []
+def test_a_diagnosis_says_what_its_finding_is_worth(sampled: Sampled) -> None:
+    """Of the shipped sample. Mutations: the refit's own error; held out not judged."""
+    found = sampled.found
+    assert {f.effect for f in found.findings} == {"stribeck_friction", "gravity_pendulum"}
+    for one, said in zip(found.findings, sampled.answer["findings"], strict=True):
+        assert one.worth is not None
+        assert one.worth.pays
+        assert one.worth.times > 1000.0
+        assert said["worth"] == {k: getattr(one.worth, k) for k in ("times", "sigma", "horizon")}
+    assert sampled.answer["negligible"] == []
 
 
 def test_what_is_negligible_is_no_claim_and_is_seen_all_the_same() -> None:

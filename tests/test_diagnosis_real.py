@@ -77,6 +77,7 @@ def _brakes(device: Device, velocity: float, lately: dict[str, float]) -> float:
     return float(force)
 
 
+@pytest.mark.truth
 def test_silverbox_lacks_a_cubic_spring():
     """Published: k3/k1 = 3.99 1/V^2, and half a millivolt is left of 55.
 

@@ -112,11 +112,12 @@ PLACE = """([B, K]) => {
 
 
 def test_a_view_is_changed_looked_at_and_saved(browser: Browser, address: str, tmp_path: Path):
+    """By each slider but that of the delay, which another test moves."""
     page = opened(browser, address)
     assert "PHANToM 1.0" in page.title()
     for name, key in (
         ("Encoder step", "encoder_step"), ("Start amplitude", "start"),
-        ("Delay", "delay_s"), ("Friction at m1", "friction"), ("Command limit", "command_limit"),
+        ("Friction at m1", "friction"), ("Command limit", "command_limit"),
     ):  # fmt: skip
         before = page.evaluate(MAP)
         slider = page.get_by_role("slider", name=name)
@@ -213,7 +214,7 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     page.close()
 
 
-@pytest.mark.parametrize("width", [420, 768, 1024])
+@pytest.mark.parametrize("width", [420, 768, pytest.param(1024, marks=pytest.mark.truth)])
 def test_a_phone_and_a_tablet_show_it_all(browser: Browser, address: str, width: int):
     """Nothing lies beyond the right edge. Mutations: a least width of a figure is left; no wrap."""
     page = browser.new_page(viewport={"width": width, "height": 900})
@@ -310,7 +311,7 @@ def test_a_device_with_and_without_what_was_found(browser: Browser, tmp_path: Pa
 
 def test_a_tab_closed_while_it_computes_disturbs_no_other(browser: Browser, address: str):
     stays = opened(browser, address)
-    for _ in range(3):
+    for _ in range(2):
         goes = browser.new_page()
         goes.goto(address + "?friction=0.003&encoder_step=0.0001")
         goes.wait_for_function("() => Bokeh.documents.length > 0")
@@ -318,6 +319,7 @@ def test_a_tab_closed_while_it_computes_disturbs_no_other(browser: Browser, addr
     slider = stays.get_by_role("slider", name="Delay")
     before = stays.evaluate(MAP)
     slider.press("ArrowRight")
+    stays.wait_for_function("location.search.includes('delay_s=')")
     stays.wait_for_function(f"before => ({MAP})() !== before", arg=before)
     finished(stays)
     stays.close()
@@ -351,13 +353,18 @@ PRESS = """async (key) => {
 
 
 @pytest.mark.parametrize(
-    ("start", "moves"), [("", 20), ("?friction=0.002", 8)], ids=["no friction", "friction"]
+    ("start", "moves"),
+    [
+        pytest.param("", 4, id="no friction"),
+        pytest.param("", 20, id="no friction, as measured", marks=pytest.mark.truth),
+        pytest.param("?friction=0.002", 8, id="friction, as measured", marks=pytest.mark.truth),
+    ],
 )
 def test_slider_to_picture(
     browser: Browser, address: str, start: str, moves: int,
     record_property: Callable[[str, object], None],
 ):  # fmt: skip
-    """Measures; what it measures stands in docs/performance.md. -s shows it."""
+    """Measures; what it measures stands in docs/performance.md. -m truth -s shows it."""
     page = opened(browser, address + start)
     page.get_by_role("slider", name="Encoder step").focus()
     first, middle = list[float](), list[float]()

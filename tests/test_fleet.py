@@ -1,6 +1,8 @@
 """A fleet with known faults: each is found, named, and has no part in what is said of others."""
 
 import json
+import pickle
+import shutil
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -8,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import MadeOnce
 from numpy.typing import NDArray
 
 import zwidth.fleet.structure
@@ -48,18 +51,27 @@ def kept(work: Path, recordings: int) -> None:
     Kept(work, KNOWN, "quick").keep_structure(structure(), recordings)
 
 
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:
-    folder = tmp_path_factory.mktemp("fleet")
-    return folder, make_fleet(folder, DEVICES, RUNS, 5, 3, SECONDS)
+def make(folder: Path) -> None:
+    """Write a fleet with faults, what is true of it, and what is found in it."""
+    truth = make_fleet(folder / "rig", DEVICES, RUNS, 5, 3, SECONDS)
+    (folder / "truth.pickle").write_bytes(pickle.dumps(truth))
+    recordings = listed(folder / "rig")
+    kept(folder / "work", len(recordings))
+    diagnose_fleet(KNOWN, recordings, folder / "work")
 
 
 @pytest.fixture(scope="module")
-def found(made: tuple[Path, Truth], tmp_path_factory: pytest.TempPathFactory) -> tuple[Fleet, Path]:
-    work = tmp_path_factory.mktemp("work")
-    recordings = listed(made[0])
-    kept(work, len(recordings))
-    return diagnose_fleet(KNOWN, recordings, work), work
+def made(made_once: MadeOnce, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:
+    """A copy of that fleet, beside what is kept of its diagnosis, and what is true of it."""
+    folder = tmp_path_factory.mktemp("fleet") / "copy"
+    shutil.copytree(made_once("fleet", make), folder)
+    return folder / "rig", pickle.loads((folder / "truth.pickle").read_bytes())
+
+
+@pytest.fixture(scope="module")
+def found(made: tuple[Path, Truth]) -> tuple[Fleet, Path]:
+    work = made[0].with_name("work")
+    return diagnose_fleet(KNOWN, listed(made[0]), work), work
 
 
 def test_every_fault_is_found_named_and_no_other(

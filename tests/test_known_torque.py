@@ -218,7 +218,7 @@ def test_a_diagnosis_with_the_arm_finds_nothing_missing(tmp_path: Path):
     Mutation: the known force left out of the experiment.
     """
     (tmp_path / "m.xml").write_text(ARM)
-    path = str(written(tmp_path, 10.0))
+    path = str(written(tmp_path, 6.0))
     model = str(tmp_path / "m.xml")
     save = str(tmp_path / "d.toml")
     assert cli.run(["devices", "--from", model, "--joint", "base", "--save", save]) == 0

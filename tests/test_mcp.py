@@ -11,6 +11,7 @@ import pytest
 from test_check import banded, bench, heavier, recorded, write_csv
 
 from zwidth.sim.device_file import save_device
+from zwidth.sim.physics import make_physics
 
 mcp = pytest.importorskip("mcp", reason="the SDK is not installed; pip install zwidth[mcp]")
 if not hasattr(mcp, "Client"):
@@ -49,8 +50,8 @@ def answer(result: Any) -> dict[str, Any]:
 def rig(tmp_path: Path) -> Path:
     save_device(banded(), tmp_path / "bench.toml")
     save_device(bench().without_physics("stribeck_friction"), tmp_path / "rough.toml")
-    write_csv(tmp_path / "good.csv", recorded(bench(), 70))
-    write_csv(tmp_path / "bad.csv", recorded(heavier(bench()), 71))
+    write_csv(tmp_path / "good.csv", recorded(bench(), 70).between(0.0, 3.0))
+    write_csv(tmp_path / "bad.csv", recorded(heavier(bench()), 71).between(0.0, 3.0))
     return tmp_path
 
 
@@ -85,8 +86,14 @@ def test_a_check_answers_and_bad_input_is_one_sentence(rig: Path):
 
 
 def test_a_diagnosis_names_what_is_missing_and_where_its_report_is(rig: Path):
+    """Of a short recording of a rotor that rubs."""
+    plain = bench().without_physics("gravity_pendulum", "stribeck_friction")
+    rubs = plain.with_physics(make_physics("coulomb_friction", "m1", level=0.03))
+    save_device(plain, rig / "rough.toml")
+    write_csv(rig / "rubs.csv", recorded(rubs, 70).between(0.0, 3.0))
+
     async def talk(client: Any) -> Any:
-        line = {"recordings": ["good.csv"], "device": "rough.toml", "effort": "quick"}
+        line = {"recordings": ["rubs.csv"], "device": "rough.toml", "effort": "quick"}
         wall = {"device": "phantom_1_0", "delay_ms": [2], "damping": [0.0, 0.01]}
         return (
             await client.call_tool("diagnose", line), await client.call_tool("boundary", wall),
@@ -94,7 +101,7 @@ def test_a_diagnosis_names_what_is_missing_and_where_its_report_is(rig: Path):
 
     found, wall = map(answer, asked(talk, rig))
     assert found["verdict"] == "identified"
-    assert [f["effect"] for f in found["findings"]] == ["stribeck_friction"]
+    assert [f["effect"] for f in found["findings"]] == ["coulomb_friction"]
     assert (rig / found["report"]).is_file()
     assert (rig / found["augmented_device"]).is_file()
     (one,) = wall["boundaries"]

@@ -6,8 +6,8 @@ import pydoc
 import re
 import typing
 import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sampled import SAMPLE, Sampled
 
 import zwidth
 import zwidth.views as views
@@ -67,11 +68,6 @@ def recording() -> zwidth.Run:
     return zwidth.simulate(rubbing, zwidth.recorded(command), disturbance=noise)
 
 
-@cache
-def diagnosis() -> zwidth.Diagnosis:
-    return zwidth.diagnose(recording(), cart(), effort="quick")
-
-
 def fleet(folder: Path) -> zwidth.Fleet:
     """Six recordings of three joints, whose structure is known, so that none is searched for."""
     known = nominal().with_physics(zwidth.make_physics("coulomb_friction", "m1", level=0.04))
@@ -104,20 +100,33 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-RESULTS: dict[str, Any] = {
+@dataclass(frozen=True)
+class Given:
+    """What results are made of: a folder of these tests, and the answer to the shipped sample."""
+
+    folder: Path
+    request: pytest.FixtureRequest
+
+    @property
+    def sampled(self) -> Sampled:
+        """The answer, which is computed where it is asked for only."""
+        return self.request.getfixturevalue("sampled")
+
+
+RESULTS: dict[str, Callable[[Given], Any]] = {
     "Device": lambda _: zwidth.load_device("phantom_1_0"),
     "Boundary": lambda _: zwidth.boundary(cart(), [0.0, 2.0, 40.0]),
     "FateMap": lambda _: zwidth.make_map(cart(), coarse=5, levels=0),
     "Run": lambda _: recording(),
     "Trace": lambda _: recording().trace,
-    "Log": lambda folder: zwidth.load_log(folder / "run.mcap"),
-    "LoggedRun": lambda folder: zwidth.logged_run(scenario(), folder / "again.mcap"),
-    "ReplayResult": lambda folder: zwidth.replay(folder / "run.mcap"),
+    "Log": lambda of: zwidth.load_log(of.folder / "run.mcap"),
+    "LoggedRun": lambda of: zwidth.logged_run(scenario(), of.folder / "again.mcap"),
+    "ReplayResult": lambda of: zwidth.replay(of.folder / "run.mcap"),
     "Scenario": lambda _: scenario(),
-    "Diagnosis": lambda _: diagnosis(),
-    "Check": lambda _: zwidth.check(diagnosis().device, recording()),
-    "JointAnswers": lambda _: JointAnswers({"0": diagnosis()}, {"1": "it stands still"}),
-    "Fleet": lambda folder: fleet(folder),
+    "Diagnosis": lambda of: of.sampled.found,
+    "Check": lambda of: zwidth.check(of.sampled.found.device, SAMPLE),
+    "JointAnswers": lambda of: JointAnswers({"0": of.sampled.found}, {"1": "it stands still"}),
+    "Fleet": lambda of: fleet(of.folder),
     "Identified": lambda _: identified(),
     "Sweep": lambda _: zwidth.sweep(cart(), values=[20.0], dampings=3, rounds=0),
     "RelayReadings": lambda _: zwidth.relay(cart(), [0.0, 2.0], starts=2),
@@ -126,13 +135,12 @@ RESULTS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def results(folder: Path) -> dict[str, Any]:
+def results(folder: Path, request: pytest.FixtureRequest) -> dict[str, Any]:
     """Each result once, made when it is first asked for."""
-    made: dict[str, Any] = {}
 
     class Made(dict[str, Any]):
         def __missing__(self, name: str) -> Any:
-            return made.setdefault(name, RESULTS[name](folder)) if name not in made else made[name]
+            return self.setdefault(name, RESULTS[name](Given(folder, request)))
 
     return Made()
 
@@ -273,7 +281,13 @@ def test_diagnose_takes_paths_and_finds_the_friction(folder: Path):
     assert (friction.effect, friction.at) == ("coulomb_friction", "m1")
     # A regression on the true states and forces of this bench scatters by 0.00076 N (150 seeds).
     assert friction.parameters["level"].value == pytest.approx(0.3, abs=3.0 * 0.00076)
-    assert found.as_json()["findings"] == diagnosis().as_json()["findings"]
+    known = device_of(folder / "cart.toml")
+    (own,), (by_path,) = (
+        experiments_of(named_traces(given), known) for given in (recording(), folder / "bench.mcap")
+    )
+    assert known == cart()
+    np.testing.assert_array_equal(by_path.command, own.command)
+    np.testing.assert_array_equal(by_path.measured, own.measured)
     with pytest.raises(ValueError, match="effort is 'quik'"):
         zwidth.diagnose(recording(), cart(), effort="quik")  # pyright: ignore[reportArgumentType]
 
@@ -554,9 +568,11 @@ def test_numbers_come_through_as_they_are(results: dict[str, Any]):
     stable = boundary.to_xarray()["stable"].to_numpy()
     expected = [p.simulated.stable for p in boundary.points]
     assert [None if np.isnan(v) else v for v in stable] == expected
-    level = diagnosis().to_xarray().sel(parameter="level")
-    assert level["value"].item() == diagnosis().findings[0].parameters["level"].value
-    assert level["unit"].item() == "N"
+    found = results["Diagnosis"]
+    (rubs,) = (f for f in found.findings if f.effect == "stribeck_friction")
+    level = found.to_xarray().sel(parameter="static_level")
+    assert level["value"].item() == rubs.parameters["static_level"].value
+    assert level["unit"].item() == "N m"
     fit = identified().to_xarray()
     assert np.array_equal(fit["measured"], identified().fit.response.value)
     assert fit["measured"].attrs["units"] == "m/(N)"
@@ -576,13 +592,13 @@ def test_a_plot_has_axes_with_units(results: dict[str, Any], name: str):
 
 
 @pytest.mark.parametrize("picture", ["motion", "missing force", "residual", "force"])
-def test_a_diagnosis_has_the_pictures_of_its_report(picture: str):
-    diagnosis().plot(picture).canvas.draw()
+def test_a_diagnosis_has_the_pictures_of_its_report(sampled: Sampled, picture: str):
+    sampled.found.plot(picture).canvas.draw()
 
 
-def test_a_picture_that_there_is_not_is_refused_with_those_that_there_are():
+def test_a_picture_that_there_is_not_is_refused_with_those_that_there_are(sampled: Sampled):
     with pytest.raises(ValueError, match="'motion' or 'missing force' or 'residual' or 'force'"):
-        diagnosis().plot("phase")
+        sampled.found.plot("phase")
 
 
 def test_a_replay_that_differs_shows_where(results: dict[str, Any]):

@@ -4,12 +4,12 @@ import csv
 import html
 import re
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
+from sampled import SAMPLE, Sampled
 
-from zwidth import diagnose
+from zwidth.api.given import trace_of
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
 from zwidth.diagnosis_report import Commands, save_report
 from zwidth.sim.device_file import device_from_text
@@ -19,20 +19,13 @@ MOST_BYTES = 3_000_000  # of a report, so that it can be sent by mail
 AGAIN = Commands("zwidth diagnose bench.csv", "zwidth explore a --compare b", "runs/b.toml", "a")
 
 
-@cache
-def answer() -> Diagnosis:
-    with (ROOT / "docs" / "sample" / "bench.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    return diagnose({name: np.array([float(row[name]) for row in rows]) for name in rows[0]})
-
-
 def report(found: Diagnosis, folder: Path, commands: Commands = AGAIN) -> str:
     return save_report(found, ["bench.csv"], commands, folder / "r.html").read_text("utf-8")
 
 
-def test_the_report_of_the_sample_is_one_small_file(tmp_path: Path) -> None:
+def test_the_report_of_the_sample_is_one_small_file(sampled: Sampled, tmp_path: Path) -> None:
     """Mutations: a picture of every sample; anything that is fetched from elsewhere."""
-    text = report(answer(), tmp_path)
+    text = report(sampled.found, tmp_path)
     assert len(text.encode()) < MOST_BYTES
     assert "What failed" not in text
     links = re.findall(r'(?:src|srcset|href)="([^"]{1,40})', text)
@@ -40,17 +33,17 @@ def test_the_report_of_the_sample_is_one_small_file(tmp_path: Path) -> None:
     assert all(link.startswith(("#", "data:image/svg+xml;base64,")) for link in links)
 
 
-def test_the_report_says_each_thing_once(tmp_path: Path) -> None:
+def test_the_report_says_each_thing_once(sampled: Sampled, tmp_path: Path) -> None:
     """Mutations: where the refit failed, beside effects that explain it; curves beside a picture
     of the same; a start that is said to be measured; two lengths of free runs without a word.
     """
-    text = report(answer(), tmp_path)
+    text = report(sampled.found, tmp_path)
     assert 'id="where"' not in text
     assert 'href="#where"' not in text
-    assert answer().located.sentence not in html.unescape(text)
-    assert "from the state that was estimated at its start" in text
+    assert sampled.found.located.sentence not in html.unescape(text)
+    assert "from the state estimated at the beginning of the stretch" in text
     assert "from the measured state" not in text
-    assert "of free runs over 0.05 s, where the difference is clearest" in text
+    assert "in free runs over 0.05 s, where the effect shows most clearly" in text
     assert "runs at the top of this report last 0.5 s" in text
     # On the screen the curves stand for the picture; in print, the picture for the curves.
     assert '<figure class="still">' in text
@@ -59,31 +52,43 @@ def test_the_report_says_each_thing_once(tmp_path: Path) -> None:
     assert '<div class="interactive" hidden>' in text
 
 
-def test_the_report_holds_the_improved_device(tmp_path: Path) -> None:
+def test_the_report_holds_the_improved_device(sampled: Sampled, tmp_path: Path) -> None:
     """Mutations: another device; a text that its escapes change; a device that was not written."""
-    text = report(answer(), tmp_path)
+    text = report(sampled.found, tmp_path)
     (shown,) = re.findall(r'<pre id="improved-text"[^>]*>(.*?)</pre>', text, re.DOTALL)
-    assert device_from_text(html.unescape(shown)) == answer().device
+    assert device_from_text(html.unescape(shown)) == sampled.found.device
     assert text.count(AGAIN.explore) == 1
-    none = report(answer(), tmp_path, replace(AGAIN, improved=""))
+    none = report(sampled.found, tmp_path, replace(AGAIN, improved=""))
     assert "improved-text" not in none
     assert none.count(AGAIN.explore) == 1
 
 
-def test_a_report_without_effects_says_where_the_error_lies(tmp_path: Path) -> None:
+def test_a_report_without_effects_says_where_the_error_lies(
+    sampled: Sampled, tmp_path: Path
+) -> None:
     """Mutations: the section left out of every report; a legend with effects that are not there."""
-    none = replace(answer(), findings=(), verdict=Verdict.UNKNOWN_PHYSICS)
+    none = replace(sampled.found, findings=(), verdict=Verdict.UNKNOWN_PHYSICS)
     text = report(none, tmp_path)
     assert '<h2 id="where">' in text
     assert '<a href="#where">' in text
     assert "with the found effects" not in text
 
 
-def test_the_answer_on_the_first_page_is_the_programs() -> None:
+def test_the_answer_on_the_first_page_is_the_programs(sampled: Sampled) -> None:
     """Mutation: a search in which a ripple of one turn stands for a pendulum."""
-    found = answer()
+    found = sampled.found
     names = sorted(f"{f.effect} at {f.at}" for f in found.findings)
     assert names == ["gravity_pendulum at m1", "stribeck_friction at m1"]
     assert found.verdict.value == "identified"
     page = (ROOT / "README.md").read_text()
     assert all(value in page for value in ("gravity pendulum at the motor", "Stribeck friction at"))
+
+
+def test_its_columns_as_arrays_are_the_recording_of_its_file(sampled: Sampled) -> None:
+    """As Python may give them. Mutation: degrees of a dict of arrays taken for radians."""
+    with SAMPLE.open() as file:
+        rows = list(csv.DictReader(file))
+    arrays = trace_of({name: np.array([float(row[name]) for row in rows]) for name in rows[0]})
+    whole = trace_of(sampled.folder / "runs" / "bench.recording.toml")
+    for name in ("command", "position_m1"):
+        np.testing.assert_allclose(arrays[name], whole[name], rtol=1e-12)

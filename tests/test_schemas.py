@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sampled import SAMPLE, Sampled
 from test_check import banded, bench, heavier, recorded, write_csv
 
 from zwidth import cli
@@ -188,22 +189,19 @@ def test_an_identified_device_is_as_the_schema_says(
 
 
 def test_a_diagnosis_and_checks_are_as_the_schemas_say(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sampled: Sampled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    """Of the sample, and of a like recording of a bench that is heavier."""
     monkeypatch.chdir(tmp_path)
-    write_csv(tmp_path / "good.csv", recorded(bench(), 70))
     write_csv(tmp_path / "bad.csv", recorded(heavier(bench()), 71))
-    (tmp_path / "dev.toml").write_text(commented_text(bench().without_physics("stribeck_friction")))
-    line = "diagnose good.csv --device dev.toml --effort quick --json d.json"
-    assert cli.run(line.split()) == 0
-    found = json.loads((tmp_path / "d.json").read_text())
+    found = sampled.answer
     assert found["findings"]
     assert refused("diagnosis", found) == []
     for loose in LOOSE:
         assert refused("diagnosis", misspelt(found, loose)), loose
-    improved = "runs/good.augmented.toml"
-    assert refused("device", tomllib.loads((tmp_path / improved).read_text())) == []
-    assert cli.run(["check", improved, "good.csv", "bad.csv", "--json", "c.json"]) == 1
+    assert refused("device", tomllib.loads(sampled.device.read_text())) == []
+    line = ["check", str(sampled.device), str(SAMPLE), "bad.csv", "--json", "c.json"]
+    assert cli.run(line) == 1
     found = json.loads((tmp_path / "c.json").read_text())
     assert found["changed"]
     assert refused("check", found) == []

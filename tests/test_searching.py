@@ -207,7 +207,9 @@ def test_gains_are_those_of_each_stretch(rubbed: list[Experiment]) -> None:
     assert np.mean(gains(new, old) > 0.0) > 0.9
 
 
-@pytest.mark.parametrize("scale", [1.0, np.array([1.3, 0.8, 1.2])])
+@pytest.mark.parametrize(
+    "scale", [pytest.param(1.0, marks=pytest.mark.truth), np.array([1.3, 0.8, 1.2])]
+)
 def test_friction_is_found_from_a_device_file_that_is_exact_or_off(
     rubbed: list[Experiment], scale: float | NDArray[np.float64]
 ) -> None:
@@ -504,7 +506,10 @@ def test_what_an_effect_explains_whole_is_set_apart_by_nobody(
     assert searching._set_apart(found, old, [slight]) is not explains
 
 
-@pytest.mark.parametrize(("gap", "shows"), [(0.0, False), (0.03, True), (0.3, True)])
+@pytest.mark.parametrize(
+    ("gap", "shows"),
+    [(0.0, False), pytest.param(0.03, True, marks=pytest.mark.truth), (0.3, True)],
+)
 def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bool) -> None:
     """Beside a friction that is known, the motor alone measured; and no play where there is none.
 

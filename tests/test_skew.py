@@ -138,7 +138,7 @@ def test_a_fit_finds_it_and_the_device_is_not_bent(late: float) -> None:
     assert told["m1"][1].value == pytest.approx(1e-3, rel=1e-3)
 
 
-@pytest.mark.parametrize("late", [2.5e-5, -4e-4])
+@pytest.mark.parametrize("late", [pytest.param(2.5e-5, marks=pytest.mark.truth), -4e-4])
 def test_what_is_read_late_misses_nothing(late: float) -> None:
     """It was "a resonance at 0.0483 Hz, identified". Mutation: no such number."""
     e = read_late(ONE, late, (POSITION,), seconds=4.0)

@@ -35,7 +35,7 @@ def test_what_was_found_is_judged_and_written(tmp_path: Path) -> None:
     Mutations: no handler of SIGTERM (-15, nothing written); the status of Ctrl-C.
     """
     random = np.random.default_rng(2)
-    t = 0.002 * np.arange(2000)
+    t = 0.002 * np.arange(1000)
     u = np.convolve(random.standard_normal(t.size), np.ones(20) / 20.0, mode="same")
     v = np.zeros(t.size)
     for k in range(1, t.size):

@@ -9,6 +9,7 @@ import time
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,10 +39,9 @@ HEAD = "t [s],u [N m],q [rad]\n"
 PATIENCE = 240.0  # s that a process may take for its kernels and a search
 
 
-def rows(seconds: float = 2.0) -> list[str]:
-    """The lines of a recording with dry friction."""
-    truth = MOTOR.with_physics(make_physics("coulomb_friction", "m1", level=0.02))
-    e = record(truth, seconds, seed=1)
+def rows(device: Device, seconds: float = 2.0) -> list[str]:
+    """The lines of a recording."""
+    e = record(device, seconds, seed=1)
     t = np.arange(e.ticks) * 1e-3
     return [
         f"{a:.6f},{b:.10g},{c:.10g}\n"
@@ -138,7 +138,8 @@ class Idle:
 
 @pytest.fixture(scope="module")
 def lines() -> list[str]:
-    return rows()
+    """With dry friction."""
+    return rows(MOTOR.with_physics(make_physics("coulomb_friction", "m1", level=0.02)))
 
 
 def asked(pipe: Pipe, folder: Path) -> Asked:
@@ -374,11 +375,39 @@ def test_a_growing_table_ends_with_the_offline_answer(
     assert (folder / "runs" / "log.diagnosis.html").is_file()
 
 
-def test_a_pipe_is_kept_and_ends_with_the_offline_answer(
+def test_a_pipe_is_kept_and_diagnosed_as_the_file_that_it_became(
     folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch
 ):
-    """Mutation: the last line, which has no end, lost."""
-    content = (HEAD + "".join(lines)).encode().rstrip(b"\n")
+    """Mutations: the last line, which has no end, lost; the final answer not among the updates."""
+    content = (HEAD + "".join(lines[:150])).encode().rstrip(b"\n")
+    asked: list[tuple[Any, ...]] = []
+
+    def diagnosed(console: Any, *given: Any) -> None:
+        asked.append(given[:4])
+        console.result({"headline": "all is well"})
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("zwidth.commands.watch.diagnose_files", diagnosed)
+    reads, writes = os.pipe()
+    with os.fdopen(reads, "rb") as stream, os.fdopen(writes, "wb") as pipe:
+        pipe.write(content)
+        pipe.close()
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=stream))
+        line = ["watch", "-", "--device", "known.toml", "--effort", "quick", "--json", "l.jsonl"]
+        assert cli.run(line) == Status.DONE
+    assert Path("runs", "stdin.csv").read_bytes() == content
+    assert asked == [((Path("runs", "stdin.csv"),), "known.toml", (), "quick")]
+    *_, last = [json.loads(line) for line in Path("l.jsonl").read_text().splitlines()]
+    assert (last["kind"], last["sentence"]) == ("final", "all is well")
+    assert last["diagnosis"] == {"headline": "all is well"}
+
+
+@pytest.mark.truth
+def test_a_pipe_is_kept_and_ends_with_the_offline_answer(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """That nothing is missing, which takes least. Mutation: the last line, without an end, lost."""
+    content = (HEAD + "".join(rows(MOTOR, 1.2))).encode().rstrip(b"\n")
     followed = Followed(folder, "-", stdin=subprocess.PIPE)
     pipe = followed.process.stdin
     assert pipe is not None
