@@ -9,6 +9,10 @@ x, so if the best subset fails, the next ones are fitted too and the real costs 
 then show whether these changes alone bring the recording back within the band; only then are they
 named.
 
+The parameters in the file are themselves uncertain, and another motion may ask more of them than
+the held-out data did. So before a recording is called outside, the band is widened by the errors
+that the file's posterior implies for this recording (`_unsure`).
+
 A reading that is finer than the band's noise (one without noise, or of a simulation) gets the
 missing noise for the fit. Without it, -2 log likelihood counts errors far below those that the band
 allows: the form is then too narrow to hold over a change of a few percent.
@@ -16,6 +20,7 @@ allows: the form is then too narrow to hold over a change of a few percent.
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -34,6 +39,7 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.export.draws import draws_of
 from zwidth.fleet.quick import physical, reported
 from zwidth.fleet.structure import known_structure
 from zwidth.shown import Shown, Valued
@@ -55,6 +61,8 @@ CLEAR = 9.0  # cost that one must explain
 ENOUGH = 0.05  # share of the error that may be left unexplained
 TELLING = 3.0  # times its noise, that an output must move by to say anything
 STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
+DRAWS = 12  # of the posterior
+FAR = 3.29  # standard deviations that one error in a thousand exceeds, as in `answer.band`
 DELAY = "loop_delay"
 NO_BAND = (
     "{} has no [band], which gives the allowed error; take the NAME.augmented.toml that"
@@ -331,9 +339,31 @@ def _judged(device: Device, one: _Taken, simulate: Simulate) -> Recording:
             f"{one.name} has {', '.join(found.names)}, but the band of {device.name} is for"
             f" {', '.join(o.name for o in band.outputs)}; give a recording with one of these"
         )
+    if device.posterior is not None and not all(o.within for o in outputs):
+        more = _unsure(device, band, one)
+        outputs = tuple(replace(o, most=math.hypot(o.most, FAR * more[o.name])) for o in outputs)
     news = tuple(f for f in one.faults if f.wrong and f.kind not in band.corrected)
     remarks = tuple(f.sentence for f in one.faults if f not in news)
     return Recording(one.name, outputs, news, remarks)
+
+
+def _unsure(device: Device, band: Band, one: _Taken) -> dict[str, float]:
+    """The rms error of free runs, by output, that the uncertainty of the parameters implies.
+
+    For the error e of the file and what a draw adds to it, E |e + d|^2 = |e|^2 + E |d|^2, since d
+    scatters about zero.
+    """
+    whole = _joined([_own_runs(device)(e, band) for e in one.stretches], one.name)
+    drawn: list[Floats] = []
+    for each in draws_of(device, DRAWS, SEED).devices:
+        run = _own_runs(each)
+        with suppress(ExperimentError):  # no observer
+            found = _joined([run(e, band) for e in one.stretches], one.name)
+            drawn.append(found.error.mean(axis=0))
+    if not drawn:
+        return dict.fromkeys(whole.names, 0.0)
+    more = np.mean(drawn, axis=0) - whole.error.mean(axis=0)
+    return dict(zip(whole.names, np.sqrt(np.maximum(more, 0.0)).tolist(), strict=True))
 
 
 def _joined(parts: Sequence[Windows], name: str) -> Windows:
