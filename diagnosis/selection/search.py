@@ -28,6 +28,7 @@ from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, beginnings
+from zwidth.diagnosis.selection.across import across
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.evidence import believed
 from zwidth.diagnosis.selection.hypothesis import (
@@ -145,7 +146,7 @@ def search(
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
-        plain = settled(judged(experiments, model, first_x(model, experiments), family))
+        plain = across(settled(judged(experiments, model, first_x(model, experiments), family)))
     ticks = sum(e.ticks for e in experiments)
     slower = Slower(plain) if family.whitening else None
     found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
