@@ -92,7 +92,7 @@ def test_a_fit_finds_friction_behind_a_link_whose_deflection_is_read() -> None:
 
 def test_a_deflection_alone_is_refused() -> None:
     trace = without(rig("position_m1"), "position_m1")
-    with pytest.raises(ExperimentError, match="deflection of a link; a diagnosis also needs the position or velocity"):
+    with pytest.raises(ExperimentError, match="also needs the position or velocity of a mass"):
         experiment(trace, ELASTIC)
 
 
