@@ -221,6 +221,22 @@ def test_a_diagnosis_gives_its_device_a_band(sampled: Sampled):
 
 
 @pytest.mark.truth
+def test_another_motion_of_the_sample_is_no_change_and_two_percent_of_friction_are(
+    sampled: Sampled,
+):
+    """The figures of docs/check.md."""
+    found = sampled.found.device
+    rubbed = replace(bench(), physics=(stribeck(1.02), weight()))
+
+    def outside(machine: zwidth.Device, seeds: range) -> list[int]:
+        logs = {s: recorded(machine, s, noise=SAMPLE_NOISE) for s in seeds}
+        return [s for s, log in logs.items() if not zwidth.check(found, log).within]
+
+    assert outside(bench(), range(60, 100)) == []
+    assert outside(rubbed, range(60, 80)) == list(range(60, 80))
+
+
+@pytest.mark.truth
 def test_a_machine_as_it_was_is_within_the_band_of_its_diagnosis():
     """Mutation: no chance of windows in `most`."""
     rough = bench().without_physics("stribeck_friction")

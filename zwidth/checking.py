@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.special import ndtri
 
-from zwidth.diagnosis.answer.band import Windows, most, of_windows, windows_of
+from zwidth.diagnosis.answer.band import RARE, Windows, most, of_windows, windows_of
 from zwidth.diagnosis.answer.findings import UNITS
 from zwidth.diagnosis.answer.words import effect_in_words, listed, parameter_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
@@ -62,7 +63,7 @@ ENOUGH = 0.05  # share of the error that may be left unexplained
 TELLING = 3.0  # times its noise, that an output must move by to say anything
 STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
 DRAWS = 12  # of the posterior
-FAR = 3.29  # standard deviations that one error in a thousand exceeds, as in `answer.band`
+FAR = -float(ndtri(0.5 * RARE))  # standard deviations that one error in so many exceeds
 DELAY = "loop_delay"
 NO_BAND = (
     "{} has no [band], which gives the allowed error; take the NAME.augmented.toml that"
@@ -351,19 +352,21 @@ def _unsure(device: Device, band: Band, one: _Taken) -> dict[str, float]:
     """The rms error of free runs, by output, that the uncertainty of the parameters implies.
 
     For the error e of the file and what a draw adds to it, E |e + d|^2 = |e|^2 + E |d|^2, since d
-    scatters about zero.
+    scatters about zero. A draw that overflows says nothing.
     """
-    whole = _joined([_own_runs(device)(e, band) for e in one.stretches], one.name)
+
+    def squares(of: Device) -> Floats:
+        run = _own_runs(of)
+        return _joined([run(e, band) for e in one.stretches], one.name).error.mean(axis=0)
+
     drawn: list[Floats] = []
     for each in draws_of(device, DRAWS, SEED).devices:
-        run = _own_runs(each)
         with suppress(ExperimentError):  # no observer
-            found = _joined([run(e, band) for e in one.stretches], one.name)
-            drawn.append(found.error.mean(axis=0))
-    if not drawn:
-        return dict.fromkeys(whole.names, 0.0)
-    more = np.mean(drawn, axis=0) - whole.error.mean(axis=0)
-    return dict(zip(whole.names, np.sqrt(np.maximum(more, 0.0)).tolist(), strict=True))
+            drawn.append(squares(each))
+    names = [o.name for o in one.stretches[0].outputs]
+    told = [d for d in drawn if np.all(np.isfinite(d))]
+    more = np.mean(told, axis=0) - squares(device) if told else np.zeros(len(names))
+    return dict(zip(names, np.sqrt(np.maximum(more, 0.0)).tolist(), strict=True))
 
 
 def _joined(parts: Sequence[Windows], name: str) -> Windows:

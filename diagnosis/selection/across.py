@@ -11,7 +11,7 @@ begins, and its quadratic form knows of no other. (On a cart of the exam, a devi
 of m_1 ended 48 above the truth, with intervals of a few percent about wrong values.) So the fit is
 begun again at two values of f. Starts at another k alone come back to the first minimum.
 
-Limits: one link at a time, and no starts where a mass is known to `LOOSE`.
+Limits: one link at a time, and no starts where every mass is known (`PURSUIT.loose_mass`).
 """
 
 from collections.abc import Iterator
@@ -23,13 +23,11 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.uncertainty import standard_errors
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.hypothesis import MUCH, Hypothesis, judged, settled
+from zwidth.diagnosis.settings import PURSUIT
 
 Floats = NDArray[np.float64]
-LOOSE = 0.05  # standard error of the logarithm of a mass
 FACTORS = (0.4, 2.5)  # of the masses before a link
-LEAST = 0.05  # of the whole mass, that is left behind it
-CLEAR = 10.0  # in -2 ln: a minimum is another one
 
 
 def across(h: Hypothesis) -> Hypothesis:
@@ -39,7 +37,7 @@ def across(h: Hypothesis) -> Hypothesis:
         with suppress(NoObserver):
             begun = judged(h.experiments, h.model, x, h.family.near(h.ratio), None, h.prices)
             found = settled(begun, turns=2)
-            if found.cost.misfit < best.cost.misfit - CLEAR and not found.against_physics:
+            if found.cost.misfit < best.cost.misfit - MUCH and not found.against_physics:
                 best = found
     if best is h:
         return h
@@ -52,18 +50,18 @@ def _starts(h: Hypothesis) -> Iterator[Floats]:
     parameters = h.model.parameters
     errors = standard_errors(h.fitted)
     loose = {p.index for p, e in zip(parameters, errors, strict=True)
-             if p.kind == "mass" and e * p.scale > LOOSE}  # fmt: skip
+             if p.kind == "mass" and e * p.scale > PURSUIT.loose_mass}  # fmt: skip
     for link in range(h.model.nominal.chain.masses.size - 1):
         if loose & {link, link + 1}:
             yield from (x for f in FACTORS if (x := _moved(h.model, h.x, link, f)) is not None)
 
 
 def _moved(model: Model, x: Floats, link: int, factor: float) -> Floats | None:
-    """X with masses and springs before a link times a factor; None if too little is left behind."""
+    """X with masses and springs before a link times a factor; None if nothing is left behind."""
     masses = model.build(x).chain.masses
     before, behind = float(masses[: link + 1].sum()), float(masses[link + 1 :].sum())
     left = before + behind - factor * before
-    if left < LEAST * (before + behind):
+    if left <= 0.0:
         return None
     other = left / behind
     moved = x.copy()
