@@ -103,7 +103,7 @@ class Asked:
             plain, best = (
                 settled(judged(h.experiments, h.model, h.x, family)) for h in (tried.plain, best)
             )
-            yield replace(tried, plain=plain, best=best, tried={})
+            yield replace(tried, plain=plain, best=best, tried={}, on_bounds={})
 
 
 def learned(asked: Asked, names: HeldOut) -> LearnedLaw | None:

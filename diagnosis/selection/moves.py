@@ -390,9 +390,8 @@ def replaced(index: int) -> Move:
                 yield replace(_among(h, model, at, [(moved,), (one.start,)]), akin=True)
                 continue
             # A richer effect explains at least as much, and only a fit shows how much more.
-            akin = one.start.physics.effect.name in laws
-            likely = rank < effort.rivals and one.score > least
-            if likely or akin or one.start.label in richer:
+            akin = one.start.physics.effect.name in laws or one.start.label in richer
+            if akin or (rank < effort.rivals and one.score > least):
                 yield replace(_with(base, seen, one), akin=akin)
 
     return move

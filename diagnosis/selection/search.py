@@ -89,8 +89,9 @@ class Moves:
 class Search:
     """The state of a search: the cheapest fit of each structure that was tried.
 
-    plain: without physics; best: the cheapest believed hypothesis. clear: whether every clear sign
-    led to a believed effect. apart: how often a part of the recordings was set apart because of an
+    plain: without physics; best: the cheapest believed hypothesis. on_bounds: fits that ended at a
+    physical bound, where a richer law is no more than a simple one: no answers, but its rivals.
+    clear: whether every clear sign led to a believed effect. apart: how often a part of the recordings was set apart because of an
     event; recorded: number of ticks before that. slower: the judge of a longer horizon, None if
     this search uses it already.
     """
@@ -101,6 +102,7 @@ class Search:
     say: Say
     moves: Moves = Moves()
     tried: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    on_bounds: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
@@ -114,10 +116,15 @@ class Search:
 
     def keep(self, h: Hypothesis) -> Hypothesis:
         """Keep a hypothesis unless a cheaper one of its structure is known; return the cheaper."""
-        known = self.tried.get(h.labels)
-        if known is None or h.cost.total < known.cost.total:
-            self.tried[h.labels] = h
-        return self.tried[h.labels]
+        return _cheaper(self.tried, h)
+
+    def sound(self, fitted: Iterable[Hypothesis]) -> list[Hypothesis]:
+        """Keep fitted hypotheses; return the physical ones."""
+        every = list(fitted)
+        for h in every:
+            if h.against_physics:
+                _cheaper(self.on_bounds, h)
+        return [self.keep(h) for h in every if not h.against_physics]
 
     def ahead(self, new: Hypothesis, old: Hypothesis) -> bool:
         """Whether a hypothesis is believed over another, or costs less with no more effects."""
@@ -128,6 +135,13 @@ class Search:
     def needs(self, old: Hypothesis, new: Hypothesis) -> bool:
         """Whether a longer horizon clearly prefers the old hypothesis to the new one."""
         return self.slower is not None and self.slower.prefers(old, new)
+
+
+def _cheaper(kept: dict[frozenset[str], Hypothesis], h: Hypothesis) -> Hypothesis:
+    known = kept.get(h.labels)
+    if known is None or h.cost.total < known.cost.total:
+        kept[h.labels] = h
+    return kept[h.labels]
 
 
 def search(
@@ -251,9 +265,9 @@ def _ended(found: Search) -> None:
     with stage("ending rivals"):
         again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
     for h in again:
-        if h.against_physics:  # neither an answer nor a rival, even if it was one before
+        if h.against_physics:  # no answer, even if it was one before
             found.tried.pop(h.labels, None)
-    kept = [found.keep(h) for h in again if not h.against_physics]
+    kept = found.sound(again)
     simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
     idle = [h for h in kept if h.labels < best.labels and not _worth(best, h)]  # as in _exchanged
     least = min(idle or simple, key=lambda h: h.cost.total, default=best)
@@ -336,7 +350,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
     """Continue with other recordings, without earlier costs, which cannot be compared."""
-    found.plain, found.best, found.tried = plain, best, {}
+    found.plain, found.best, found.tried, found.on_bounds = plain, best, {}, {}
     found.slower = None if found.slower is None else Slower(plain)
     for done in (found.grown, found.looked, found.exchanged):
         done.clear()
@@ -635,7 +649,7 @@ def _to_their_end(
 def _stands(
     found: Search, fits: Sequence[tuple[str, Callable[[], Hypothesis]]]
 ) -> list[Hypothesis]:
-    return [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
+    return found.sound(_each("candidates", fits))
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
