@@ -128,6 +128,7 @@ def marked(folder: Path, name: str, found: Mapping[str, Any]) -> dict[str, Any]:
         "outside": m.outside,
         "claims": list(m.claims),
         "inside": [all(e.inside.values()) for e in m.effects if e.inside],
+        "linear_inside": dict(m.linear),
     }
 
 
@@ -146,6 +147,7 @@ def brief(found: Mapping[str, Any]) -> dict[str, Any]:
             for f in said["findings"]
             for k, p in f["parameters"].items()
         },
+        "linear": {k: (p["value"], p["ci95"]) for k, p in said["linear_refit"].items()},
         "worth": {
             f"{f['effect']}@{f['at']}": (f["worth"]["times"], f["worth"]["sigma"])
             for f in (*said["findings"], *said.get("negligible", ()))
@@ -273,9 +275,11 @@ def show(table: Mapping[str, Any]) -> None:
     sure = [row for row in rows if row["verdict"] == "identified"]
     wrong = sum(bool(row["claims"]) or not all(row["concealed"].values()) for row in sure)
     inside = [so for row in rows for so in row["inside"]]
+    linear = [so for row in rows for so in row.get("linear_inside", {}).values()]
     spent = [row["cpu_s"] for row in rows]
     print(f"identified, and something claimed or missed: {share(wrong, len(sure))}")
-    print(f"intervals that hold the truth: {share(sum(inside), len(inside))}")
+    print(f"effects with intervals that hold the truth: {share(sum(inside), len(inside))}")
+    print(f"masses, dampers, springs within their intervals: {share(sum(linear), len(linear))}")
     print(f"no answer at the limit: {sum(row['verdict'] == 'none' for row in rows)}")
     print(f"CPU s: median {statistics.median(spent):.0f}, longest {max(spent):.0f}")
 
