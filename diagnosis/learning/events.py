@@ -24,14 +24,16 @@ m = 2 for Gaussian noise). Chance exceeds a gain c somewhere in the recordings w
 
 and an event is believed if P is less than `ALPHA` times the odds that something happens at all. m
 is the largest mean excess over three thresholds. So a recording with many such peaks has no events;
-its model lacks something. Before any fit, the k = `EVENTS.most` highest peaks may all be events, and
-are excluded from chance. If they are not, the rest is an exponential sample of which the k highest
-are only known to exceed the highest that is left, c, and the likeliest mean of its n excesses is
+its model lacks something. Before any fit, the k = `EVENTS.most` highest peaks may all be events,
+and are excluded from chance; what then looks like an event is tested again once it is fitted. Where
+a part of a recording is set apart there is no such second test, so the k are counted as chance that
+exceeds the highest that is left, c: the likeliest mean of the n excesses of a sample of which the k
+highest are known no closer is
 
     m = (sum of excesses + k (c - u)) / n
 
-(Epstein & Sobel, J. Am. Stat. Assoc. 48(263), 1953), which does not depend on what the k are.
-Without the second term, chance passes the test ten times as often (20 000 draws of 60 maxima).
+(Epstein & Sobel, J. Am. Stat. Assoc. 48(263), 1953), whatever the k are. Without the second term,
+chance passes ten times as often (20 000 draws of 60 maxima), and each time costs a search.
 
 Limits: at most `EVENTS.most` events; events that last longer than 3 s or a fifth of the recording
 are not found. The response h, which only finds an event, is that of the device without its
@@ -156,7 +158,7 @@ def set_apart(h: Hypothesis) -> list[Experiment] | None:
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
         views.append(views[0].under(SLOWER * views[0].ratio))
-    found = [(*_searched(seen, (), EVENTS.most), seen) for seen in views]
+    found = [(*_searched(seen, (), EVENTS.most, once=True), seen) for seen in views]
     clear = [(peak, seen) for peak, chance, seen in found if peak and peak.gain > chance.most]
     if not clear:
         return None
@@ -256,15 +258,16 @@ class _Answer(NamedTuple):
 
 
 def _searched(
-    h: Hypothesis, known: Sequence[Happened], aside: int = 0
+    h: Hypothesis, known: Sequence[Happened], aside: int = 0, *, once: bool = False
 ) -> tuple[Peak | None, Chance]:
     """The highest peak, and the distribution of chance in stretches beside known events.
 
-    aside: number of highest peaks to exclude, which may be unknown events. With nonsmooth laws, an
-    event must also exceed chance among like states.
+    aside: number of highest peaks to exclude, which may be unknown events; once: whether they are
+    counted as chance all the same, since no fit tests them. With nonsmooth laws, an event must also
+    exceed chance among like states.
     """
     white, answers = _in_ticks(h), _answers(h)
-    peak, chance = _standing_out(h, white, answers, known, aside)
+    peak, chance = _standing_out(h, white, answers, known, aside, once=once)
     gaussian = replace(chance, excess=min(chance.excess, GAUSSIAN))
     if not h.creased or peak is None or peak.gain <= gaussian.most:
         return peak, chance
@@ -273,7 +276,7 @@ def _searched(
         apart[one.recording][_touched(one)] = True
     scales = scatter_in_like_states(h, apart)
     white = [r / scale for r, scale in zip(white, scales, strict=True)]
-    among_alike, chance = _standing_out(h, white, answers, known, aside)
+    among_alike, chance = _standing_out(h, white, answers, known, aside, once=once)
     if among_alike is None or among_alike.recording != peak.recording:
         return among_alike, chance
     if abs(among_alike.first - peak.first) > STRETCH:
@@ -300,6 +303,8 @@ def _standing_out(
     answers: Sequence[_Answer],
     known: Sequence[Happened],
     aside: int,
+    *,
+    once: bool,
 ) -> tuple[Peak | None, Chance]:
     """As `_searched`, for whitened innovations (ticks, o) of each recording."""
     gains: list[Floats] = []
@@ -322,7 +327,7 @@ def _standing_out(
             beside = _longest(h.experiments[top.recording]) // 3 if left > 3 * FEWEST else 0
             there = _touching(top.first - beside, top.first + top.ticks + beside)
             kept[top.recording][there] = np.nan
-    return best, _chance(np.concatenate([_stretches(own) for own in kept]), excluded)
+    return best, _chance(np.concatenate([_stretches(own) for own in kept]), excluded if once else 0)
 
 
 def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]]) -> Peak | None:
@@ -419,7 +424,7 @@ def _of_length(total: Floats, h: Floats, d: int) -> tuple[Floats, int]:
 
 
 def _chance(highest: Floats, excluded: int = 0) -> Chance:
-    """Chance by the highest gains of stretches; excluded: how many higher ones are not among them."""
+    """Chance by the highest gains of stretches; excluded: how many are higher than all of these."""
     if highest.size < FEWEST:
         return Chance(max(1, highest.size), math.inf, GAUSSIAN)
     levels = np.quantile(highest, THRESHOLDS)

@@ -91,9 +91,9 @@ class Search:
 
     plain: without physics; best: the cheapest believed hypothesis. on_bounds: fits that ended at a
     physical bound, where a richer law is no more than a simple one: no answers, but its rivals.
-    clear: whether every clear sign led to a believed effect. apart: how often a part of the recordings was set apart because of an
-    event; recorded: number of ticks before that. slower: the judge of a longer horizon, None if
-    this search uses it already.
+    clear: whether every clear sign led to a believed effect. apart: how often a part of the
+    recordings was set apart because of an event; recorded: number of ticks before that. slower: the
+    judge of a longer horizon, None if this search uses it already.
     """
 
     plain: Hypothesis
