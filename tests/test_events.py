@@ -17,7 +17,7 @@ from zwidth.diagnosis.answer.knowing_events import _peak
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.learning.event_edges import Polylines
 from zwidth.diagnosis.learning.event_force import Happened, Source
-from zwidth.diagnosis.learning.events import Peak, happenings, with_events
+from zwidth.diagnosis.learning.events import Peak, _chance, happenings, with_events
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import free_run_errors, innovations
@@ -107,6 +107,15 @@ def test_what_happens_is_found_where_it_is(kind: int):
 def test_nothing_is_said_where_nothing_happens(seed: int):
     """Mutations that break it: chance by one stretch alone; z not in its own median."""
     assert happened(NOTHING, seed) == ()
+
+
+@pytest.mark.parametrize("excluded", [0, 4])
+def test_peaks_that_may_be_events_leave_chance_as_it_is(excluded: int):
+    """The mean excess of chance, over 400 draws. Mutation: the excluded ones not counted."""
+    random = np.random.default_rng(3)
+    drawn = np.sort(9.0 + random.exponential(3.0, (400, 60)))[:, : 60 - excluded]
+    found = [_chance(one, excluded).excess for one in drawn]
+    assert 3.0 < np.median(found) < 4.0  # the highest of three estimates is above the mean
 
 
 def test_what_often_happens_is_no_event():

@@ -588,6 +588,25 @@ def test_two_laws_at_one_place_have_one_that_contains_both_for_a_rival(
             assert [r.effect for r in rivals(found, shares(found), label)] == expected
 
 
+def test_a_richer_law_that_ends_as_the_simple_one_is_a_rival_and_never_the_answer(
+    rubbed: list[Experiment],
+) -> None:
+    """Friction that rises with speed, but not: it is dry friction. Mutation: it is dropped."""
+    plain = with_friction(0.02)
+    h = settled(judged(rubbed, plain, np.zeros(len(plain.parameters))))
+    rising = make_physics("rising_friction", "m1", level=0.02, static_level=0.02, velocity=0.1)
+    model = Model(drive()).with_effect(rising, {"level": 0.02, "static_level": 0.02})
+    on_bound = judged(rubbed, model, np.append(h.x, h.x[-1] + 0.005))
+    assert on_bound.against_physics
+    found = Search(h, h, QUICK, silent)
+    found.keep(h)
+    assert found.sound([on_bound]) == []
+    (rival,) = rivals(found, shares(found), "coulomb_friction@m1")
+    assert (rival.effect, rival.probability) == ("rising_friction", None)
+    assert rival.separation_sigma < 5.0
+    assert list(found.tried) == [h.labels]
+
+
 def costing(rubbed: list[Experiment], model: Model, misfit: float) -> Hypothesis:
     h = judged(rubbed, model, np.zeros(len(model.parameters)))
     return replace(h, cost=replace(h.cost, misfit=misfit, rarity=0.0))
