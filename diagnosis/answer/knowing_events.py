@@ -8,7 +8,8 @@ and included from then on in every prediction and free run; a slip is subtracted
 The hypotheses of the search are fitted again with it. If the best of them has the same effects, and
 its free runs are adequate, these remain the answer; otherwise the search continues from there.
 
-Named effects have precedence. The search has not seen the parts set apart or held out, and there an
+Named effects have precedence. A lost command of the answer acts like a hit of one sample, so lost
+commands are looked for in the complete recordings first. The search has not seen the parts set apart or held out, and there an
 amplifier that reaches its limit once looks like a force that acts for a while. So first one more
 effect is tried; if it explains the apparent event, no event happened.
 """
@@ -19,6 +20,7 @@ from dataclasses import replace
 from functools import partial
 
 from zwidth.diagnosis.answer.events import Event, all_said
+from zwidth.diagnosis.answer.stands import knowing_losses
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_force import Happened
 from zwidth.diagnosis.learning.events import Peak, happenings, highest, with_events
@@ -59,6 +61,7 @@ def knowing_events(
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     """Recordings with their events, the answer for these, and the events."""
     with suppress(NoObserver):
+        taken = _knowing_losses(taken, found)
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
@@ -78,6 +81,15 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
             found = _anew(found, there.fit_on, say)
         return there, found, known
     return taken, found, ()
+
+
+def _knowing_losses(taken: Taken, found: Searched) -> Taken:
+    """Recordings with the commands that are lost according to the answer."""
+    if not found.tried.best.model.has("dropped_samples"):
+        return taken
+    every = knowing_losses(found, _every(taken))
+    whole, others = every[: len(taken.whole)], every[len(taken.whole) :]
+    return replace(taken, whole=tuple(whole), judge_by=tuple(others) or taken.judge_by)
 
 
 def _every(taken: Taken) -> tuple[Experiment, ...]:
@@ -160,7 +172,8 @@ def _with(taken: Taken, known: Sequence[Happened]) -> Taken:
 
 def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
     force = None if whole.force is None else whole.force[cut]
-    return replace(part, measured=whole.measured[cut], force=force)
+    dropped = None if whole.dropped is None else whole.dropped[cut]
+    return replace(part, measured=whole.measured[cut], force=force, dropped=dropped)
 
 
 def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:

@@ -304,7 +304,9 @@ def _leave_out(found: Search) -> None:
     while len(found.best.model.effects) > 1:
         h = found.best
         some = [h.less(i) for i in range(len(h.model.effects))]
-        idle = [n for n in some if n is not None and not (_worth(h, n) or found.needs(h, n))]
+        # Without the penalty of their parameters, which is only computed where it decides.
+        cheap = [n for n in some if n is not None and not _worth(h, n)]
+        idle = [n for n in map(priced, cheap) if not (_worth(h, n) or found.needs(h, n))]
         if not idle:
             return
         found.best = found.keep(settled(min(idle, key=lambda n: n.cost.total), turns=2))
