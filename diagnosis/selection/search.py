@@ -199,7 +199,7 @@ def two_at_once(found: Search) -> bool:
     before = found.best
 
     def look(found: Search) -> None:
-        alone = [h for h in found.tried.values() if _one_more(h, before)]
+        alone = [h for h in found.tried.values() if one_more(h, before)]
         begun = sorted(alone, key=lambda h: h.cost.total)[: found.effort.beside]
         if not begun or len(before.model.effects) + 2 > found.effort.effects:
             return
@@ -221,7 +221,8 @@ def two_at_once(found: Search) -> bool:
     return found.best is not before
 
 
-def _one_more(h: Hypothesis, than: Hypothesis) -> bool:
+def one_more(h: Hypothesis, than: Hypothesis) -> bool:
+    """Whether a hypothesis has one effect more than another, and all of its."""
     return than.labels < h.labels and len(h.labels) == len(than.labels) + 1
 
 

@@ -31,7 +31,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
-from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
+from zwidth.diagnosis.selection.search import Moves, Search, from_afar, one_more, search, two_at_once
 from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.sim.device import Device
 
@@ -102,7 +102,8 @@ def searched(
     if fails and not near.interrupted and from_afar(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
-    if not near.interrupted and _strays(first) and two_at_once(near):
+    doubtful = _doubtful(near) or _strays(first)
+    if not near.interrupted and doubtful and two_at_once(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted:
@@ -142,6 +143,12 @@ def holds(device: Device, found: Searched) -> Adequacy | None:
     """The adequacy of an answer on the recordings that it was fitted to."""
     experiments = found.problem.experiments
     return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
+
+
+def _doubtful(near: Search) -> bool:
+    """Whether one more effect would cost less, though it is not believed: two may be missing."""
+    more = [h for h in near.tried.values() if one_more(h, near.best)]
+    return any(h.cost.total < near.best.cost.total for h in more)
 
 
 def _strays(found: Searched) -> bool:
