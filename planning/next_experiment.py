@@ -4,6 +4,9 @@ Every excitation of the library is simulated on the fitted device, and the two e
 on it at their fitted values: |s_a - s_b(p) - J x| with b's parameters p and the refit x fitted, and
 with a and b exchanged. The chosen excitation is the one for which the smaller of the two distances
 is largest. It is as strong and as long as the recording, with half as much again of travel.
+
+The distance with a and b exchanged is only computed where the first one exceeds the best so far;
+elsewhere the first one is reported, as an upper limit.
 """
 
 from collections.abc import Sequence
@@ -59,22 +62,32 @@ def next_experiment(
     longest = max(e.ticks for e in experiments) * device.interface.period
     seconds = min(LONGEST_S, max(SHORTEST_S, longest))
 
-    def distance(name: str) -> float:
+    def prepared(name: str) -> Reference | None:
         try:
             command = excitation(name, device, seconds, scale, seed)
             played = rehearse(device, command, noise, outputs=outputs, seed=seed, name=name)
-            prepared = reference(device, [played], noise)
+            return reference(device, [played], noise)
         except (NoExcitation, RunsAway, NoObserver):  # too short for the band of a slow device
-            return 0.0
-        return min(_apart(prepared, a, b), _apart(prepared, b, a))
+            return None
 
-    def kept(name: str) -> float:
+    def first(name: str) -> tuple[float, Reference | None]:
         with isolated("next experiment", name):
-            return distance(name)
-        return 0.0
+            played = prepared(name)
+            return (0.0 if played is None else _apart(played, a, b)), played
+        return 0.0, None
 
-    found = in_parallel([partial(kept, name) for name in LIBRARY], threads())
-    sigmas = dict(sorted(zip(LIBRARY, found, strict=True), key=lambda pair: -pair[1]))
+    every = in_parallel([partial(first, name) for name in LIBRARY], threads())
+    found = dict(zip(LIBRARY, every, strict=True))
+    limits, most = {name: sigma for name, (sigma, _) in found.items()}, 0.0
+    for name in sorted(LIBRARY, key=lambda n: -limits[n]):
+        played = found[name][1]
+        if played is None or limits[name] <= most:
+            continue
+        limit, limits[name] = limits[name], 0.0
+        with isolated("next experiment", name):
+            limits[name] = min(limit, _apart(played, b, a))
+        most = max(most, limits[name])
+    sigmas = dict(sorted(limits.items(), key=lambda pair: -pair[1]))
     best = next(iter(sigmas))
     if not sigmas[best] > TELLING:
         return None

@@ -168,7 +168,10 @@ class Residuals(Valued):
 
 @dataclass(frozen=True)
 class NextExperiment(Valued):
-    """A scenario file whose excitation separates two effects; sigmas: excitation -> distance."""
+    """A scenario file whose excitation separates two effects.
+
+    sigmas: excitation -> distance, or an upper limit of it where another excitation is better.
+    """
 
     excitation: str
     scenario: Path
