@@ -9,9 +9,10 @@ The hypotheses of the search are fitted again with it. If the best of them has t
 its free runs are adequate, these remain the answer; otherwise the search continues from there.
 
 Named effects have precedence. A lost command of the answer acts like a hit of one sample, so lost
-commands are looked for in the complete recordings first. The search has not seen the parts set apart or held out, and there an
-amplifier that reaches its limit once looks like a force that acts for a while. So first one more
-effect is tried; if it explains the apparent event, no event happened.
+commands are looked for in the complete recordings first. The search has not seen the parts set
+apart or held out, and there an amplifier that reaches its limit once looks like a force that acts
+for a while. So first one more effect is tried; if it explains the apparent event, no event
+happened.
 """
 
 from collections.abc import Sequence

@@ -31,7 +31,14 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
-from zwidth.diagnosis.selection.search import Moves, Search, from_afar, one_more, search, two_at_once
+from zwidth.diagnosis.selection.search import (
+    Moves,
+    Search,
+    from_afar,
+    one_more,
+    search,
+    two_at_once,
+)
 from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.sim.device import Device
 
