@@ -5,16 +5,19 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise, random_steps
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.knowing_events import knowing_events
 from zwidth.diagnosis.answer.stands import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
+from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
 from zwidth.diagnosis.noise.beginning import begun
@@ -158,31 +161,52 @@ def test_lost_commands_are_found_one_by_one():
     assert set(np.flatnonzero(marked)) == set(np.flatnonzero(lost))
 
 
+def losing(*which: int) -> tuple[Experiment, NDArray[np.bool_], Searched]:
+    """A recording, which of its commands were lost, and what is found in its first part.
+
+    which: of the changes of the command by more than 0.3.
+    """
+    command = noise(duration=SECONDS, seed=14)
+    large = 150 + np.flatnonzero(np.abs(np.diff(command))[150:] > 0.3) + 1
+    lost = np.zeros(command.size, dtype=np.bool_)
+    lost[large[list(which)]] = True
+    run = simulate(phantom(), recorded(delivered(command, lost)), duration=SECONDS)
+    random = np.random.default_rng(15)
+    y = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    whole = Experiment(0.001, command, y[:, None], OUTPUTS)
+    first, _ = whole.split()
+    problem, fitted = refit(phantom(), [first])
+    trial = dropped_samples(problem, fitted, problem.experiments)
+    assert trial is not None
+    h = settled(judged(trial.problem.experiments, trial.fitted.model, trial.fitted.x))
+    tried = Search(h, h, QUICK, silent)
+    return whole, lost, Searched(trial.problem, fitted, trial.fitted, tried, problem.observer)
+
+
 def test_commands_lost_in_what_was_held_out_are_found_there():
     """The rest of a recording, followed from its first part on, and begun anew.
 
     Mutation that breaks it: the first part before the response to one tick of force.
     """
-    command = noise(duration=SECONDS, seed=14)
-    large = 150 + np.flatnonzero(np.abs(np.diff(command))[150:] > 0.3) + 1
-    lost = np.zeros(command.size, dtype=np.bool_)
-    lost[large[[3, 30, 60, large.size - 30, large.size - 3]]] = True
-    run = simulate(phantom(), recorded(delivered(command, lost)), duration=SECONDS)
-    random = np.random.default_rng(15)
-    y = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
-    first, rest = Experiment(0.001, command, y[:, None], OUTPUTS).split()
-    problem, fitted = refit(phantom(), [first])
-    trial = dropped_samples(problem, fitted, problem.experiments)
-    assert trial is not None
-    h = settled(judged([first], trial.fitted.model, trial.fitted.x))
-    tried = Search(h, h, QUICK, silent)
-    found = Searched(trial.problem, fitted, trial.fitted, tried, problem.observer)
+    whole, lost, found = losing(3, 30, 60, -30, -3)
+    first, rest = whole.split()
     for judged_by in (rest, replace(rest, before=None)):
         (known,) = knowing_losses(found, [judged_by])
         assert known.dropped is not None
         assert set(np.flatnonzero(known.dropped)) == set(np.flatnonzero(lost[first.ticks :]))
-    unaware = replace(found, final=fitted)
+    unaware = replace(found, final=found.refit)
     assert knowing_losses(unaware, [rest])[0] is rest
+
+
+def test_a_command_that_the_answer_calls_lost_is_no_hit():
+    """Mutation that breaks it: events sought in recordings that know of no losses."""
+    whole, _, found = losing(30)
+    first, rest = whole.split()
+    taken = Taken(phantom(), (whole,), (first,), (rest,), (), 1.0, True, ())
+    there, same, events = knowing_events(taken, found, silent)
+    assert events == ()
+    assert there is taken
+    assert same is found
 
 
 def test_the_rate_of_losses_is_that_of_those_that_can_be_seen():

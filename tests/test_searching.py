@@ -296,6 +296,25 @@ def test_an_effect_that_explains_nothing_is_taken_out_again(rubbed: list[Experim
     assert found.best.labels == {"coulomb_friction@m1"}
 
 
+def test_an_effect_is_not_left_out_for_what_the_others_are_charged() -> None:
+    """A hypothesis without it costs less before the penalty of its own parameters is computed.
+
+    Mutation: it is not computed.
+    """
+    drag = make_physics("quadratic_drag", "m1", coefficient=2e-4)
+    made = [recording(drive().with_physics(FRICTION, drag), 2000, 1)]
+    model = with_friction(0.03).with_effect(drag, {"coefficient": 1e-4})
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    less = [n for n in map(h.less, range(2)) if n is not None]
+    nearest = min(less, key=lambda n: n.cost.total)
+    misfit = h.cost.misfit + nearest.cost.total - 5.0 - h.cost.total
+    weak = replace(h, cost=replace(h.cost, misfit=misfit))
+    assert priced(nearest).cost.total > weak.cost.total + 20.0
+    found = Search(weak, weak, QUICK, silent)
+    searching._leave_out(found)
+    assert found.best is weak
+
+
 def test_an_exchange_goes_on_with_what_costs_less_and_asks_what_is_weak_first(
     rubbed: list[Experiment],
 ) -> None:

@@ -62,7 +62,7 @@ def knowing_events(
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     """Recordings with their events, the answer for these, and the events."""
     with suppress(NoObserver):
-        taken = _knowing_losses(taken, found)
+        as_given, taken = taken, _knowing_losses(taken, found)
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
@@ -72,12 +72,12 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None:
             if not later:
-                return taken, _searched_on(found, named, say), ()
+                return as_given, _searched_on(found, named, say), ()
             known = ()  # an effect that only held-out data show is left to the second look
         for one in known:
             e = _every(taken)[one.recording]
             say(f"one-time event found at {e.begins + one.first * e.period:.3g} s")
-        there = _with(taken, known) if known else taken
+        there = _with(taken, known) if known or apart else as_given
         if apart or any(_in_fit(one, taken) for one in known):
             found = _anew(found, there.fit_on, say)
         return there, found, known
