@@ -5,8 +5,8 @@ on it at their fitted values: |s_a - s_b(p) - J x| with b's parameters p and the
 with a and b exchanged. The chosen excitation is the one for which the smaller of the two distances
 is largest. It is as strong and as long as the recording, with half as much again of travel.
 
-The distance with a and b exchanged is only computed where the first one exceeds the best so far;
-elsewhere the first one is reported, as an upper limit.
+A distance below 1 does not help, nor one below the best so far: it is not computed to the end, and
+what is reported of these excitations is an upper limit.
 """
 
 from collections.abc import Sequence
@@ -73,19 +73,19 @@ def next_experiment(
     def first(name: str) -> tuple[float, Reference | None]:
         with isolated("next experiment", name):
             played = prepared(name)
-            return (0.0 if played is None else _apart(played, a, b)), played
+            return (0.0 if played is None else _apart(played, a, b, TELLING)), played
         return 0.0, None
 
     every = in_parallel([partial(first, name) for name in LIBRARY], threads())
     found = dict(zip(LIBRARY, every, strict=True))
-    limits, most = {name: sigma for name, (sigma, _) in found.items()}, 0.0
+    limits, most = {name: sigma for name, (sigma, _) in found.items()}, TELLING
     for name in sorted(LIBRARY, key=lambda n: -limits[n]):
         played = found[name][1]
         if played is None or limits[name] <= most:
             continue
         limit, limits[name] = limits[name], 0.0
         with isolated("next experiment", name):
-            limits[name] = min(limit, _apart(played, b, a))
+            limits[name] = min(limit, _apart(played, b, a, most))
         most = max(most, limits[name])
     sigmas = dict(sorted(limits.items(), key=lambda pair: -pair[1]))
     best = next(iter(sigmas))
@@ -95,14 +95,17 @@ def next_experiment(
     return NextExperiment(best, path, (place_label(a), place_label(b)), sigmas[best], sigmas)
 
 
-def _apart(prepared: Reference, true: Physics, rival: Physics) -> float:
-    """Distance of one effect from its best imitation by the other, over several starts."""
+def _apart(prepared: Reference, true: Physics, rival: Physics, enough: float) -> float:
+    """Distance of one effect from its best imitation by the other, over several starts.
+
+    An upper limit of it if it is not more than `enough`.
+    """
     label = place_label(rival)
     others = [s for s in prepared.starts if s.label == label]
     free = {k for start in others for k, scale in start.scales.items() if scale != 0.0}
     kept = free or set(rival.values)
     own = Start(rival, {k: _scale(rival, k) for k in kept}, others[0].bounds if others else {})
-    return separation(prepared, true, [own, *others])[label]
+    return separation(prepared, true, [own, *others], enough=enough)[label]
 
 
 def _scale(physics: Physics, name: str) -> float:

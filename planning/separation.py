@@ -46,13 +46,15 @@ def separation(
     rivals: Iterable[Start] | None = None,
     *,
     refine: bool = True,
+    enough: float = 0.0,
 ) -> dict[str, float]:
     """Return the distance in sigma of an effect from each rival, by effect@place, nearest first.
 
     No distance exceeds that from a device without the effect, since every rival can vanish. rivals:
     starts with their free parameters, several per rival (`seeking.candidates`); by default every
     other effect at every place. refine: whether to use Gauss-Newton steps, which find periods and
-    frequencies between the starts; without them only the strength of every start is fitted.
+    frequencies between the starts; without them only the strength of every start is fitted. enough:
+    of a smaller distance an upper limit is returned, without further steps.
     """
     own = place_label(physics)
     grouped: dict[str, list[Start]] = {}
@@ -73,8 +75,9 @@ def separation(
         whole = float(np.linalg.norm(target))
         tried = sorted((_aimed(reference, off, target, s) for s in starts), key=lambda t: t.left)
         hopeful = [t for t in tried if len(starts) >= MANY or t.left < RELATED * whole]
-        if refine:
-            tried += [_refined(reference, off, target, t) for t in hopeful[:TRIED]]
+        for t in hopeful[:TRIED] if refine else ():
+            if min(one.left for one in tried) > enough:
+                tried.append(_refined(reference, off, target, t, enough))
         return min(whole, *(t.left for t in tried))
 
     tasks = [partial(nearest, starts) for starts in grouped.values()]
@@ -165,7 +168,9 @@ def _at(reference: Reference, off: Complement, target: Floats, start: Start) -> 
     return Aimed(start, signature, float(np.linalg.norm(target - signature)))
 
 
-def _refined(reference: Reference, off: Complement, target: Floats, best: Aimed) -> Aimed:
+def _refined(
+    reference: Reference, off: Complement, target: Floats, best: Aimed, enough: float
+) -> Aimed:
     """Damped Gauss-Newton in the rival's parameters, in units of their scales."""
     damping = 1e-3
     for _ in range(ROUNDS):
@@ -186,7 +191,7 @@ def _refined(reference: Reference, off: Complement, target: Floats, best: Aimed)
                 best, damping = tried, 0.1 * damping
                 break
             damping = 30.0 * damping
-        if best.left > (1.0 - ENOUGH) * before:
+        if best.left > (1.0 - ENOUGH) * before or best.left <= enough:
             break
     return best
 
