@@ -279,7 +279,7 @@ def show(table: Mapping[str, Any]) -> None:
     spent = [row["cpu_s"] for row in rows]
     print(f"identified, and something claimed or missed: {share(wrong, len(sure))}")
     print(f"effects with intervals that hold the truth: {share(sum(inside), len(inside))}")
-    print(f"masses, dampers, springs within their intervals: {share(sum(linear), len(linear))}")
+    print(f"linear parameters within their intervals: {share(sum(linear), len(linear))}")
     print(f"no answer at the limit: {sum(row['verdict'] == 'none' for row in rows)}")
     print(f"CPU s: median {statistics.median(spent):.0f}, longest {max(spent):.0f}")
 

@@ -83,7 +83,7 @@ def next_experiment(
         played = found[name][1]
         if played is None or limits[name] <= most:
             continue
-        limit, limits[name] = limits[name], 0.0
+        limit, limits[name] = limits[name], 0.0  # if an error prevents the second distance
         with isolated("next experiment", name):
             limits[name] = min(limit, _apart(played, b, a, most))
         most = max(most, limits[name])

@@ -73,6 +73,8 @@ def separation(
         off = reference.off(physics.effect.name, starts[0].physics.effect.name)
         target = off(signature)
         whole = float(np.linalg.norm(target))
+        if whole <= enough:
+            return whole
         tried = sorted((_aimed(reference, off, target, s) for s in starts), key=lambda t: t.left)
         hopeful = [t for t in tried if len(starts) >= MANY or t.left < RELATED * whole]
         for t in hopeful[:TRIED] if refine else ():

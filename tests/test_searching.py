@@ -607,23 +607,38 @@ def test_two_laws_at_one_place_have_one_that_contains_both_for_a_rival(
             assert [r.effect for r in rivals(found, shares(found), label)] == expected
 
 
-def test_a_richer_law_that_ends_as_the_simple_one_is_a_rival_and_never_the_answer(
+def test_a_richer_law_that_ends_as_another_one_is_a_rival_and_never_the_answer(
     rubbed: list[Experiment],
 ) -> None:
-    """Friction that rises with speed, but not: it is dry friction. Mutation: it is dropped."""
+    """Friction that should rise with speed, but falls, explains no more than dry friction.
+
+    Mutations: it is dropped; its own cost counts, by which it would be nearer than its penalty; it
+    counts although a fit of it that is sound is known.
+    """
     plain = with_friction(0.02)
     h = settled(judged(rubbed, plain, np.zeros(len(plain.parameters))))
-    rising = make_physics("rising_friction", "m1", level=0.02, static_level=0.02, velocity=0.1)
-    model = Model(drive()).with_effect(rising, {"level": 0.02, "static_level": 0.02})
-    on_bound = judged(rubbed, model, np.append(h.x, h.x[-1] + 0.005))
-    assert on_bound.against_physics
+    rising = make_physics("rising_friction", "m1", level=0.03, static_level=0.01, velocity=0.1)
+    scales = {"level": 0.03, "static_level": 0.03, "velocity": 0.1}
+    model = Model(drive()).with_effect(rising, scales)
+    ends_falling, ends_rising = (
+        priced(judged(rubbed, model, np.append(h.x[:-1], [0.0, static, 0.0])))
+        for static in (0.8, 0.3)
+    )
+    assert ends_falling.shrunk == "rising_friction@m1"
+    assert not ends_rising.against_physics
     found = Search(h, h, QUICK, silent)
     found.keep(h)
-    assert found.sound([on_bound]) == []
+    cost = replace(ends_falling.cost, misfit=h.cost.misfit - 100.0, freedom=h.cost.freedom + 8.0)
+    better = replace(ends_falling, cost=cost)
+    assert found.sound([better]) == []
     (rival,) = rivals(found, shares(found), "coulomb_friction@m1")
     assert (rival.effect, rival.probability) == ("rising_friction", None)
-    assert rival.separation_sigma < 5.0
+    penalty = 8.0 + cost.rarity - h.cost.rarity
+    assert rival.separation_sigma == pytest.approx(np.sqrt(penalty))
     assert list(found.tried) == [h.labels]
+    found.sound([ends_rising])
+    (rival,) = rivals(found, shares(found), "coulomb_friction@m1")
+    assert rival.separation_sigma**2 > 10.0 + penalty
 
 
 def costing(rubbed: list[Experiment], model: Model, misfit: float) -> Hypothesis:
@@ -636,8 +651,8 @@ def test_what_comes_near_and_is_no_richer_takes_the_place_of_the_best(
 ) -> None:
     """Even where a richer one costs less still, which is not believed.
 
-    What ends against physics is no rival any more. Mutations that break it: the cheapest of all
-    asked; nothing fitted; what was kept before stays.
+    What ends against physics is no longer among the answers. Mutations that break it: the cheapest
+    of all asked; nothing fitted; what was kept before stays.
     """
     force = make_physics("constant_force", "m1", level=0.01)
     drag = make_physics("quadratic_drag", "m1", coefficient=1e-3)

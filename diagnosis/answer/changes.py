@@ -374,7 +374,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
     constant = partial(with_varying, tried.plain, tried.plain.model, parts)
     bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
     found = replace(
-        tried, plain=bare or new.without, best=new.hypothesis, tried={}, on_bounds={}, grown=set(),
+        tried, plain=bare or new.without, best=new.hypothesis, tried={}, grown=set(),
         looked=set(), exchanged=set(),
     )  # fmt: skip
     labels = tried.best.labels
@@ -385,7 +385,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
         found.keep(h)
     for h in {id(h): h for h in (*nearest, *less)}.values():
         if (other := again(h)) is not None:
-            found.keep(other)
+            found.sound([other])
     sound = [h for h in found.tried.values() if not h.against_physics]
     cheapest = min(sound, key=lambda h: h.cost.total, default=found.best)
     # One without the changing parameter needs no change, and would have to be believed over it.

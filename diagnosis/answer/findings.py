@@ -347,22 +347,28 @@ def _values(h: Hypothesis, label: str) -> dict[str, float]:
 def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
     """Return the effects fitted in place of an effect of the best hypothesis, nearest first.
 
-    So also a richer form whose fit ended where it is no more than the effect: friction that rises
-    with speed, with too low a speed to be seen. It has no probability of its own.
+    So also a richer form whose own fit ended where it would be another law: friction that rises
+    with speed, but falls. Within its bounds it explains as much as the effect, so only the penalty
+    of its further parameters separates them. It has no probability of its own.
     """
     best = found.best
     behind: dict[str, float] = {}
-    for h in (*found.tried.values(), *found.on_bounds.values()):
+    for h in found.tried.values():
         new, gone = h.labels - best.labels, best.labels - h.labels
         # What costs without bound has a parameter of which the recordings say nothing.
         if label not in gone or len(new) != 1 or not math.isfinite(h.cost.total):
             continue
         (other,) = new
         # One law in the place of several is their rival where it contains them all.
-        inside = all(_contains(other, one) for one in gone)
-        if inside or (len(gone) == 1 and h.labels in found.tried):
+        if len(gone) == 1 or all(_contains(other, one) for one in gone):
             sigma = math.sqrt(max(0.0, _behind(h, best)))
             behind[other] = min(sigma, behind.get(other, math.inf))
+    for h in found.on_bounds.values():
+        other = h.shrunk
+        instead = h.labels == best.labels - {label} | {other}
+        if instead and other not in behind and _contains(other, label):
+            as_well = replace(h.cost, misfit=best.cost.misfit).total - best.cost.total
+            behind[other] = math.sqrt(max(0.0, as_well)) if math.isfinite(as_well) else 0.0
     ordered = sorted(behind.items(), key=lambda pair: pair[1])
     named = frozenset[str]().union(*odds)
     return tuple(

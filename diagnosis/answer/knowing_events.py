@@ -49,7 +49,8 @@ def knowing_events(
     try:
         asked = partial(_known, taken, found, say)
         there, found, known = attempt("events", "", asked) or (taken, found, ())
-        said_of = partial(all_said, _every(taken), found.tried.best, known)
+        every = _every(_with_losses(taken, found))
+        said_of = partial(all_said, every, found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
         say("interrupted: judging the result so far; press Ctrl-C again to quit")
@@ -61,8 +62,9 @@ def knowing_events(
 
 def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     """Recordings with their events, the answer for these, and the events."""
+    given = taken
     with suppress(NoObserver):
-        as_given, taken = taken, _knowing_losses(taken, found)
+        taken = _with_losses(taken, found)
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
@@ -72,25 +74,27 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None:
             if not later:
-                return as_given, _searched_on(found, named, say), ()
+                return taken, _searched_on(found, named, say), ()
             known = ()  # an effect that only held-out data show is left to the second look
         for one in known:
             e = _every(taken)[one.recording]
             say(f"one-time event found at {e.begins + one.first * e.period:.3g} s")
-        there = _with(taken, known) if known or apart else as_given
+        there = _with(taken, known) if known or apart else given
         if apart or any(_in_fit(one, taken) for one in known):
             found = _anew(found, there.fit_on, say)
         return there, found, known
-    return taken, found, ()
+    return given, found, ()
 
 
-def _knowing_losses(taken: Taken, found: Searched) -> Taken:
-    """Recordings with the commands that are lost according to the answer."""
-    if not found.tried.best.model.has("dropped_samples"):
+def _with_losses(taken: Taken, found: Searched) -> Taken:
+    """Recordings, complete and in their parts, with the commands that the answer calls lost."""
+    if not found.final.model.has("dropped_samples"):
         return taken
-    every = knowing_losses(found, _every(taken))
+    every = attempt("events", "lost commands", partial(knowing_losses, found, _every(taken)))
+    if every is None:
+        return taken
     whole, others = every[: len(taken.whole)], every[len(taken.whole) :]
-    return replace(taken, whole=tuple(whole), judge_by=tuple(others) or taken.judge_by)
+    return _with(replace(taken, whole=tuple(whole), judge_by=tuple(others) or taken.judge_by), ())
 
 
 def _every(taken: Taken) -> tuple[Experiment, ...]:
@@ -139,6 +143,7 @@ def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
     """A search that so far has only these two hypotheses."""
     new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
     restart(new, plain, best)
+    new.on_bounds |= before.on_bounds
     return new
 
 

@@ -26,11 +26,11 @@ and an event is believed if P is less than `ALPHA` times the odds that something
 is the largest mean excess over three thresholds. So a recording with many such peaks has no events;
 its model lacks something. Before any fit, the k = `EVENTS.most` highest peaks may all be events,
 and are excluded from chance; what then looks like an event is tested again once it is fitted. Where
-a part of a recording is set apart there is no such second test, so the k are counted as chance that
-exceeds the highest that is left, c: the likeliest mean of the n excesses of a sample of which the k
-highest are known no closer is
+a part of a recording is set apart there is no such second test, so m counts the k as chance that
+exceeds the highest that is left, h: the likeliest mean of a sample of which the k highest are known
+no closer, and l excesses are left, is
 
-    m = (sum of excesses + k (c - u)) / n
+    m = (sum of excesses + k (h - u)) / l
 
 (Epstein & Sobel, J. Am. Stat. Assoc. 48(263), 1953), whatever the k are. Without the second term,
 chance passes ten times as often (20 000 draws of 60 maxima), and each time costs a search.
@@ -158,7 +158,7 @@ def set_apart(h: Hypothesis) -> list[Experiment] | None:
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
         views.append(views[0].under(SLOWER * views[0].ratio))
-    found = [(*_searched(seen, (), EVENTS.most, once=True), seen) for seen in views]
+    found = [(*_searched(seen, (), EVENTS.most, counted=True), seen) for seen in views]
     clear = [(peak, seen) for peak, chance, seen in found if peak and peak.gain > chance.most]
     if not clear:
         return None
@@ -258,16 +258,16 @@ class _Answer(NamedTuple):
 
 
 def _searched(
-    h: Hypothesis, known: Sequence[Happened], aside: int = 0, *, once: bool = False
+    h: Hypothesis, known: Sequence[Happened], aside: int = 0, *, counted: bool = False
 ) -> tuple[Peak | None, Chance]:
     """The highest peak, and the distribution of chance in stretches beside known events.
 
-    aside: number of highest peaks to exclude, which may be unknown events; once: whether they are
-    counted as chance all the same, since no fit tests them. With nonsmooth laws, an event must also
+    aside: number of highest peaks to exclude, which may be unknown events; counted: whether they
+    count as chance all the same, since no fit tests them. With nonsmooth laws, an event must also
     exceed chance among like states.
     """
     white, answers = _in_ticks(h), _answers(h)
-    peak, chance = _standing_out(h, white, answers, known, aside, once=once)
+    peak, chance = _standing_out(h, white, answers, known, aside, counted=counted)
     gaussian = replace(chance, excess=min(chance.excess, GAUSSIAN))
     if not h.creased or peak is None or peak.gain <= gaussian.most:
         return peak, chance
@@ -276,7 +276,7 @@ def _searched(
         apart[one.recording][_touched(one)] = True
     scales = scatter_in_like_states(h, apart)
     white = [r / scale for r, scale in zip(white, scales, strict=True)]
-    among_alike, chance = _standing_out(h, white, answers, known, aside, once=once)
+    among_alike, chance = _standing_out(h, white, answers, known, aside, counted=counted)
     if among_alike is None or among_alike.recording != peak.recording:
         return among_alike, chance
     if abs(among_alike.first - peak.first) > STRETCH:
@@ -304,7 +304,7 @@ def _standing_out(
     known: Sequence[Happened],
     aside: int,
     *,
-    once: bool,
+    counted: bool,
 ) -> tuple[Peak | None, Chance]:
     """As `_searched`, for whitened innovations (ticks, o) of each recording."""
     gains: list[Floats] = []
@@ -327,7 +327,8 @@ def _standing_out(
             beside = _longest(h.experiments[top.recording]) // 3 if left > 3 * FEWEST else 0
             there = _touching(top.first - beside, top.first + top.ticks + beside)
             kept[top.recording][there] = np.nan
-    return best, _chance(np.concatenate([_stretches(own) for own in kept]), excluded if once else 0)
+    chance = np.concatenate([_stretches(own) for own in kept])
+    return best, _chance(chance, excluded if counted else 0)
 
 
 def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]]) -> Peak | None:

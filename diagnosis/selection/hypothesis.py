@@ -1,7 +1,7 @@
 """A hypothesis: a structure, its parameters, a noise model, and their cost."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -82,11 +82,24 @@ class Hypothesis:
         That is a parameter on a physical bound (`Parameter.ends`) or a forbidden combination
         (`Effect.forbidden`).
         """
+        return next((name for name, _ in self._unphysical), "")
+
+    @property
+    def shrunk(self) -> str:
+        """The effect of which alone something is not physical (effect@place), "" if not of one."""
+        whose = {label for _, label in self._unphysical}
+        return whose.pop() if len(whose) == 1 else ""
+
+    @property
+    def _unphysical(self) -> Iterator[tuple[str, str]]:
+        """What is not physical, and the effect to which it belongs, "" for the device."""
+        labels = effect_labels(self.model.effects)
         for p, x in zip(self.model.parameters, self.x, strict=True):
             if p.at_end(float(x), p.ends, EDGE):
-                return p.name
-        effects = self.model.effects_at(self.x)
-        return next((wrong for p in effects if (wrong := p.effect.forbidden(dict(p.values)))), "")
+                yield p.name, labels[p.index] if p.kind == "effect" else ""
+        for effect, label in zip(self.model.effects_at(self.x), labels, strict=True):
+            if wrong := effect.effect.forbidden(dict(effect.values)):
+                yield wrong, label
 
     @property
     def ratio(self) -> float:

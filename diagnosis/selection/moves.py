@@ -54,9 +54,9 @@ class Proposal:
     under: the problem of the first fit, None if the proposal needs no such fit. family: of the
     noise; near: ratio about which the noise is sought, None for the whole family. prices: as in
     `Hypothesis`. akin: whether only the place of an effect differs from the original hypothesis, or
-    the law is a simpler one of its kind. begins: initial states of the original's observer. With
-    play, they are computed again only at the end of a fit; computing them for each move took 28 %
-    of a search.
+    the law is a simpler or a richer one of its kind. begins: initial states of the original's
+    observer. With play, they are computed again only at the end of a fit; computing them for each
+    move took 28 % of a search.
     """
 
     experiments: Sequence[Experiment]

@@ -89,8 +89,8 @@ class Moves:
 class Search:
     """The state of a search: the cheapest fit of each structure that was tried.
 
-    plain: without physics; best: the cheapest believed hypothesis. on_bounds: fits that ended at a
-    physical bound, where a richer law is no more than a simple one: no answers, but its rivals.
+    plain: without physics; best: the cheapest believed hypothesis. on_bounds: fits that ended at
+    unphysical values: no answers, but a richer law among them is a rival of what it contains.
     clear: whether every clear sign led to a believed effect. apart: how often a part of the
     recordings was set apart because of an event; recorded: number of ticks before that. slower: the
     judge of a longer horizon, None if this search uses it already.
@@ -594,7 +594,7 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
 
     Costs under one observer can be compared, so the cheapest first fits of each view continue;
     their own noise then decides which are fitted to the end. A fit that ends at unphysical values
-    is neither an answer nor a rival.
+    is no answer (`Search.on_bounds`).
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:

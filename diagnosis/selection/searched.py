@@ -109,8 +109,8 @@ def searched(
     if fails and not near.interrupted and from_afar(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
-    doubtful = _doubtful(near) or _strays(first)
-    if not near.interrupted and doubtful and two_at_once(near):
+    asked = not near.interrupted and (_doubtful(near) or _strays(first))
+    if asked and two_at_once(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted:
