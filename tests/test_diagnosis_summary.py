@@ -58,7 +58,7 @@ def test_a_law_that_includes_an_effect_stands_in_its_place():
     """Mutation: the effect is named in the title, or the law's worth repeated in the headline."""
     law = SimpleNamespace(worth="w", as_json=lambda: {"absorbed": ["coulomb_friction at m1"]})
     one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law, headline="a force acts; w; as well")
-    assert title(one) == "Physics is missing that has no name in the library"
+    assert title(one) == "Physics is missing that is not in the library of effects"
     assert missing(one) == "a force acts; as well"
     both = found(Verdict.UNKNOWN_PHYSICS, FRICTION, GRAVITY, learned=law)
     assert title(both).endswith("besides gravity pendulum at the motor")
@@ -158,7 +158,7 @@ def test_where_the_refit_fails_is_said_only_if_no_effect_says_it_better():
 def test_how_sure_does_not_repeat_what_is_missing():
     """Mutation: the verdict's sentence in both lines."""
     said = "a force at m2 would gain a chi-square of 264"
-    headline = f"Something is missing that has no name in the library: {said}"
+    headline = f"Something is missing that is not in the library of effects: {said}"
     one = found(Verdict.UNKNOWN_PHYSICS, headline=headline)
     assert how_sure(one, said) == "no effect of the library explains it"
     half = found(Verdict.UNKNOWN_PHYSICS, FRICTION, headline=headline,

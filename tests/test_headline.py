@@ -65,7 +65,7 @@ def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
     found = answer(FRICTION, left=FORCE)
     assert headline(found).endswith("; the named effects explain 95 % of the error")
-    assert "and so is something that has no name in the library" in headline(found)
+    assert "and so is something that is not in the library of effects" in headline(found)
     poor = replace(found, sound=replace(SOUND, explained=0.04))
     assert headline(poor).endswith(
         "the nearest effects (Coulomb friction) explain 4 % of the error"

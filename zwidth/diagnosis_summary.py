@@ -15,13 +15,13 @@ TITLES = {
     Verdict.NOTHING_MISSING: "This recording shows no missing physics",
     Verdict.LINEAR_PARAMETERS: "No physics is missing, but parameters differ",
     Verdict.RECORDING_FAULT: "The recording is at fault",
-    Verdict.UNKNOWN_PHYSICS: "Physics is missing that has no name in the library",
+    Verdict.UNKNOWN_PHYSICS: "Physics is missing that is not in the library of effects",
     Verdict.UNDECIDED: "Undecided",
 }
 WITH = {
     Verdict.IDENTIFIED: "Missing",
     Verdict.CONFUSABLE: "Possibly missing",
-    Verdict.UNKNOWN_PHYSICS: "Something without a name is missing besides",
+    Verdict.UNKNOWN_PHYSICS: "Something that is not in the library of effects is missing besides",
     Verdict.RECORDING_FAULT: "The recording is at fault; also missing",
     Verdict.UNDECIDED: "Undecided; so far",
 }

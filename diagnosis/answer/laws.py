@@ -170,8 +170,8 @@ class LearnedLaw(Law):
         curve = self.curve
         name = curve.physics.effect.name
         acts = {
-            "free_amplifier": "an error that has no name in the library is added to the command",
-            "free_sensor": "the reading has an error that has no name in the library",
+            "free_amplifier": "the command has an error that is not in the library of effects",
+            "free_sensor": "the reading has an error that is not in the library of effects",
         }.get(name, _acts(place_in_words(curve.physics.place, masses)))
         return f"{acts}: {self.extent}"
 
@@ -457,7 +457,7 @@ def _quantiles(seen: Floats) -> dict[str, float]:
 
 def _acts(at: str) -> str:
     """A force without a name, and where it acts, in words."""
-    return f"a force that has no name in the library acts {at}"
+    return f"a force that is not in the library of effects acts {at}"
 
 
 def _a(form: str) -> str:

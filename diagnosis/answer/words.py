@@ -22,7 +22,7 @@ from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
 
 LISTED = 3  # effects, rivals or parameters in a sentence; further ones are counted
-UNNAMED = "something is missing that has no name in the library"
+UNNAMED = "something is missing that is not in the library of effects"
 
 
 def place_in_words(at: Place, masses: int) -> str:
@@ -284,7 +284,7 @@ def _unknown(f: Facts, because: Reason) -> str:
         "" if share is None or share >= 1.0 else f"; the named effects explain {most(share)} of the"
     )
     return (
-        f"{names} {is_} missing, and so is something that has no name in the library{rest}"
+        f"{names} {is_} missing, and so is something that is not in the library of effects{rest}"
         f"{' error' if rest else ''}"
     )
 
