@@ -18,6 +18,7 @@ from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
 from zwidth.diagnosis.noise.beginning import begun
@@ -33,9 +34,10 @@ from zwidth.diagnosis.seeking.lattice import (
     mean_error,
 )
 from zwidth.diagnosis.seeking.waves import wave_starts
+from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
-from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.search import Moves, Search
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.chain import make_chain
 from zwidth.sim.physics import make_physics
@@ -207,6 +209,17 @@ def test_a_command_that_the_answer_calls_lost_is_no_hit():
     assert events == ()
     assert there is taken
     assert same is found
+
+
+def test_lost_commands_are_not_set_apart_one_by_one():
+    """Mutation that breaks it: what is sought tick by tick is asked last."""
+    whole, _, _ = losing(30)
+    model = Model(phantom())
+    plain = settled(judged([whole], model, np.zeros(len(model.parameters))))
+    found = Search(plain, plain, QUICK, silent, Moves(apart=set_apart), recorded=whole.ticks)
+    assert searching._set_apart(found, plain, [])
+    assert found.best.labels == {"dropped_samples@clock"}
+    assert found.apart == 0
 
 
 def test_the_rate_of_losses_is_that_of_those_that_can_be_seen():

@@ -344,11 +344,26 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
         explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
         if not explained > max(gained, PURSUIT.near_rival):
             return False
+        if (named := _tick_by_tick(found, explained)) is not None:
+            found.best = named
+            found.say(f"accepted: {named.model.label}")
+            return True
         found.say("one-time event found: continuing without that part of the recording")
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1
         return True
     return False
+
+
+def _tick_by_tick(found: Search, explained: float) -> Hypothesis | None:
+    """The best with an effect that is sought tick by tick, if it explains more than an event.
+
+    A lost command acts like a hit of one sample, and a few would be set apart one after the other.
+    """
+    asked = [p for move in found.moves.last for p in _proposed(move, found.best, found.effort)]
+    least = found.best.cost.misfit - explained
+    new = [h for h in fitted(found, asked, found.effort.ended) if h.cost.misfit < least]
+    return next((h for h in new if found.ahead(h, found.best)), None)
 
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
