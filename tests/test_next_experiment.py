@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import zwidth.planning.next_experiment as choosing
 from tests.diagnosis_examples import phantom
 from zwidth.diagnosis.answer.friction_curve import missing_force
 from zwidth.diagnosis.fitting.descend import fit
@@ -96,6 +97,25 @@ def test_the_next_experiment_separates_best_and_plays(tmp_path: Path):
     other = next_experiment(MASS, lag, delay, [recorded()], observer, tmp_path / "two.toml")
     assert other is not None
     assert list(other.sigmas)[-1] == "slow_triangle"
+
+
+def test_what_is_not_computed_to_the_end_changes_no_choice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Mutations: an excitation skipped where its limit is above the best; `enough` a sigma more."""
+    lag = make_physics("actuator_lag", "command", time_constant=5e-4)
+    delay = make_physics("loop_delay", "clock", delay=5e-4)
+    asked = MASS, lag, delay, [recorded()], known_observer(MASS, recorded(), SEEN)
+    found = next_experiment(*asked, tmp_path / "all.toml")
+    assert found is not None
+    monkeypatch.setattr(choosing, "TELLING", 0.0)
+    exact: dict[str, float] = {}
+    for name in found.sigmas:
+        monkeypatch.setattr(choosing, "LIBRARY", (name,))
+        alone = next_experiment(*asked, tmp_path / "one.toml")
+        exact[name] = 0.0 if alone is None else alone.separation_sigma
+    assert found.separation_sigma == exact[found.excitation] == max(exact.values())
+    assert all(found.sigmas[name] >= sigma for name, sigma in exact.items())
 
 
 def test_what_nothing_separates_has_no_next_experiment(tmp_path: Path):

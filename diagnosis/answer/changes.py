@@ -374,8 +374,8 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
     constant = partial(with_varying, tried.plain, tried.plain.model, parts)
     bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
     found = replace(
-        tried, plain=bare or new.without, best=new.hypothesis, tried={}, grown=set(),
-        looked=set(), exchanged=set(),
+        tried, plain=bare or new.without, best=new.hypothesis, tried={},
+        on_bounds=dict(tried.on_bounds), grown=set(), looked=set(), exchanged=set(),
     )  # fmt: skip
     labels = tried.best.labels
     beside = [h for h in tried.tried.values() if h.labels not in (labels, tried.plain.labels)]

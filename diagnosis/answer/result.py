@@ -62,7 +62,10 @@ class Estimate(Valued):
 
 @dataclass(frozen=True)
 class Rival(Valued):
-    """A rival effect: how many sigma worse it explains the recording."""
+    """A rival effect: how many sigma worse it explains the recording.
+
+    probability: None if no answer is adequate, or if its own fit ended beyond the law's bounds.
+    """
 
     effect: str
     at: str
