@@ -82,12 +82,14 @@ def sites(
 def begun(base: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
     """Return a model after some rounds of a fit with the better of two observers, or None."""
     with suppress(NoObserver):
-        first = judged(base.experiments, model, model.within(x), base.family)
+        own = base.family.of(base.ratio)
+        first = judged(base.experiments, model, model.within(x), base.family, own)
         found = [first]
         for share in RATIOS if base.family.whitening else RATIOS[:1]:
             with suppress(NoObserver):
-                there = first.under(share * first.ratio).far_ground
-                found.append(first.anew(descend(there, first.x, ROUNDS, first.creased).x))
+                there = first.under(share * first.ratio)
+                ended = descend(there.far_ground, first.x, ROUNDS, first.creased)
+                found.append(there.moved(ended.x))
         return min(found, key=lambda h: h.cost.misfit)
     return None
 

@@ -50,7 +50,15 @@ from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, greatest, least, negated, select
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Parameter
-from zwidth.sim.physics.free_law import check_rising, interval, numbered, per, rising, row_values
+from zwidth.sim.physics.free_law import (
+    check_rising,
+    numbered,
+    per,
+    rising,
+    row_values,
+    slope_of,
+    width_of,
+)
 from zwidth.sim.place import LINKS, MASSES
 
 Floats = NDArray[np.float64]
@@ -299,14 +307,19 @@ def curve(s, p, at, laws, most):
     That of `free_law.table_law` where it is neither odd nor repeats.
     """
     none = 0.0 * p[at]
-    total = p[laws] + none
-    before, slope_before = none, none
-    width, slope = interval(p, at, laws, most - 1, 0)
+    total = p[laws] + none + 0.0 * s
     for j in range(most - 1):
-        after, slope_after = interval(p, at, laws, most - 1, j + 1)
-        own, back, on = _bend(s - p[at + j], before, width, after)
-        total += own * slope + back * slope_before + on * slope_after
-        before, slope_before, width, slope = width, slope, after, slope_after
+        width, beyond = width_of(p, at, most - 1, j), s - p[at + j]
+        if any_lane((width > 0.0) & (beyond > 0.0)):
+            if any_lane((beyond > 0.0) & (beyond < width)):
+                before, slope_before = none, none
+                if j > 0:
+                    before = width_of(p, at, most - 1, j - 1)
+                    slope_before = slope_of(p, at, laws, most - 1, j - 1)
+                own, back, on = _bend(beyond, before, width, width_of(p, at, most - 1, j + 1))
+                total += own * slope_of(p, at, laws, most - 1, j) + back * slope_before
+                total += on * slope_of(p, at, laws, most - 1, j + 1)
+            total = select((width > 0.0) & (beyond >= width), p[laws + j + 1], total)
     return total
 
 
@@ -360,6 +373,9 @@ def _bend(x, before, width, after):
     whose tangents are the parabola's: inside, a share of both neighbours' slopes; at an end, its
     own slope and by how much the neighbour's differs from it. Widths are 0 where there is none.
     """
+    none = 0.0 * x
+    if not any_lane((x > 0.0) & (x < width)):
+        return select(x >= width, width, 0.0) + none, none, none
     t = least(greatest(per(x, width), 0.0), 1.0)
     rest = 1.0 - t
     left, right = width * (t * rest * rest), width * (t * t * rest)

@@ -5,12 +5,13 @@ In each interval of the table, of width h and slope d, with t = clip((s - s_j) /
     f(s) = f_1 + sum over j of  d h t^2 (3 - 2 t) + h (m_j t (1 - t)^2 - m_(j+1) t^2 (1 - t)),
 
 cubic, with a tangent m at each point that is the parabola's through it and its neighbours. Each
-term is zero before its own interval and d h after it, so the sum is the curve, without a search for
-the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a command;
-beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it then
-begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less whole
-periods, the table is of one of them (its last point before its first a period on), and one interval
-more closes the turn, with tangents that are the same at both of its ends.
+term is zero before its own interval and d h after it, so the sum is the curve, of lanes each in an
+interval of its own, and a term is worked out only where a lane is inside. s is a position, a
+velocity, a deflection, a command; beyond the table the law stays at its ends. odd: the table is of
+|s|, and f(-s) = -f(s); it then begins at (0, 0), where its tangent is its first slope. periodic, of
+period P: s is taken less whole periods, the table is of one of them (its last point before its
+first a period on), and one interval more closes the turn, with tangents that are the same at both
+of its ends.
 
 It is what the diagnosis learns where no name explains a recording (`diagnosis/learning`), and what
 a user writes who has measured a curve:
@@ -161,28 +162,48 @@ def table_law(s, p):
     x = select(cyclic, x - turn * floor((x - p[1]) / turn), x)
     # From the last point to the first one of the next turn; of nothing where none follows.
     close = select(cyclic, p[1] + period - p[LAST_AT], 0.0)
-    slope_close = (p[FIRST_FORCE] - p[LAST_FORCE]) / select(cyclic, close, 1.0)
+    slope_close = per(p[FIRST_FORCE] - p[LAST_FORCE], close)
     total = p[FIRST_FORCE] + 0.0 * x
-    before, slope_before = close, slope_close
-    width, slope = interval(p, 1, KNOTS + 1, KNOTS - 1, 0)
-    first_width, first_slope, last_width, last_slope = width, slope, width, slope
-    for j in range(1, KNOTS):
-        after, slope_after = interval(p, 1, KNOTS + 1, KNOTS - 1, j)
-        ends = cyclic & (width > 0.0) & (after <= 0.0)
-        next_width, next_slope = select(ends, close, after), select(ends, slope_close, slope_after)
-        first = select(odd, slope, _at_end(width, slope, after, slope_after))
-        left = select(before > 0.0, _inside(before, slope_before, width, slope), first)
-        last = _at_end(width, slope, before, slope_before)
-        right = select(next_width > 0.0, _inside(width, slope, next_width, next_slope), last)
-        total += _bend(x - p[j], width, slope, left, right)
-        last_width = select(width > 0.0, width, last_width)
-        last_slope = select(width > 0.0, slope, last_slope)
-        before, slope_before, width, slope = width, slope, after, slope_after
-    if any_lane(cyclic):
-        left = _inside(last_width, last_slope, close, slope_close)
-        right = _inside(close, slope_close, first_width, first_slope)
-        total += _bend(x - p[LAST_AT], close, slope_close, left, right)
+    for j in range(KNOTS - 1):
+        width, beyond = width_of(p, 1, KNOTS - 1, j), x - p[1 + j]
+        if any_lane((width > 0.0) & (beyond > 0.0)):
+            if any_lane((beyond > 0.0) & (beyond < width)):
+                slope = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j)
+                before, slope_before = close, slope_close
+                if j > 0:
+                    before = width_of(p, 1, KNOTS - 1, j - 1)
+                    slope_before = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j - 1)
+                after = width_of(p, 1, KNOTS - 1, j + 1)
+                slope_after = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j + 1)
+                ends = cyclic & (width > 0.0) & (after <= 0.0)
+                next_width = select(ends, close, after)
+                next_slope = select(ends, slope_close, slope_after)
+                first = select(odd, slope, _at_end(width, slope, after, slope_after))
+                left = select(before > 0.0, _inside(before, slope_before, width, slope), first)
+                last = _at_end(width, slope, before, slope_before)
+                right = select(
+                    next_width > 0.0, _inside(width, slope, next_width, next_slope), last
+                )
+                total += _bend(beyond, width, slope, left, right)
+            total = select((width > 0.0) & (beyond >= width), p[KNOTS + 2 + j], total)
+    beyond = x - p[LAST_AT]
+    if any_lane((beyond > 0.0) & (beyond < close)):
+        left, right = _closing(p, close, slope_close)
+        total += _bend(beyond, close, slope_close, left, right)
     return select(odd & (s < 0.0), -total, total)
+
+
+@part
+def _closing(p, close, slope_close):
+    """The tangents at both ends of the interval that closes the turn of a periodic law."""
+    width = width_of(p, 1, KNOTS - 1, 0)
+    first = _inside(close, slope_close, width, slope_of(p, 1, KNOTS + 1, KNOTS - 1, 0))
+    rise = p[KNOTS + 2] - p[KNOTS + 1]
+    for j in range(1, KNOTS - 1):
+        own = width_of(p, 1, KNOTS - 1, j)
+        rise = select(own > 0.0, p[KNOTS + 2 + j] - p[KNOTS + 1 + j], rise)
+        width = select(own > 0.0, own, width)
+    return _inside(width, per(rise, width), close, slope_close), first
 
 
 @part
@@ -194,15 +215,23 @@ def _bend(x, width, slope, left, right):
 
 
 @part
-def interval(p, at, laws, count, j):
-    """Width and slope of an interval of a table, of count of them; nothing beyond the last.
+def width_of(p, at, count, j):
+    """Width of an interval of a table, of count of them; nothing beyond the last.
 
-    Its states begin at p[at], its values at p[laws].
+    Its states begin at p[at].
     """
     if j == count:
-        return 0.0 * p[at], 0.0 * p[at]
+        return 0.0 * p[at]
     width = p[at + j + 1] - p[at + j]
-    return select(width > 0.0, width, 0.0), per(p[laws + j + 1] - p[laws + j], width)
+    return select(width > 0.0, width, 0.0)
+
+
+@part
+def slope_of(p, at, laws, count, j):
+    """Slope of an interval of a table, as `width_of`; its values begin at p[laws]."""
+    if j == count:
+        return 0.0 * p[at]
+    return per(p[laws + j + 1] - p[laws + j], p[at + j + 1] - p[at + j])
 
 
 @part
