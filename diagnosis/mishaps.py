@@ -22,6 +22,7 @@ from typing import TypeVar
 from zwidth.shown import Valued
 
 Result = TypeVar("Result")
+SAID = {"augmented device": "improved device"}  # stages that a reader knows by another name
 Say = Callable[[str], None]
 
 
@@ -41,7 +42,8 @@ class Mishap(Valued):
     @property
     def sentence(self) -> str:
         """The error in one line."""
-        return f"{self.stage}{f' ({self.what})' if self.what else ''} failed: {self.error}"
+        stage = SAID.get(self.stage, self.stage)
+        return f"{stage}{f' ({self.what})' if self.what else ''} failed: {self.error}"
 
     def as_json(self) -> dict[str, str]:
         """Return the JSON form."""

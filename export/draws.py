@@ -110,10 +110,11 @@ def independent_sentence(device: Device) -> str:
     """A sentence that draws are independent, and on their source."""
     known = device.uncertainty
     return (
-        f"{device.name} has no [posterior] (a diagnosis writes one into NAME.augmented.toml), so"
-        " parameters are drawn independently of each other, with the relative standard deviations"
-        f" in [uncertainty] (masses {known.masses:.0%}, springs {known.springs:.0%}, dampers"
-        f" {known.dampers:.0%}, gain {known.command_scale:.0%}), and effects are not varied"
+        f"{device.name} has no [posterior] (a diagnosis writes one into the improved device,"
+        " NAME.augmented.toml), so parameters are drawn independently of each other, with the"
+        f" relative standard deviations in [uncertainty] (masses {known.masses:.0%}, springs"
+        f" {known.springs:.0%}, dampers {known.dampers:.0%}, gain {known.command_scale:.0%}), and"
+        " effects are not varied"
     )
 
 

@@ -184,7 +184,7 @@ def _what_else_it_may_say(
     assert run(line) == 130
     out, _ = capsys.readouterr()
     assert "\ninterrupted, so this is the result so far: Coulomb friction of " in out
-    assert "augmented.toml\nthe augmented device multiplies the command by 0.938" in out
+    assert "augmented.toml\nthe improved device multiplies the command by 0.938" in out
     assert f"\n{SCALE}\n" in out
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
@@ -193,7 +193,7 @@ def _what_else_it_may_say(
     assert "Coulomb friction at the motor</td>" in page
     assert '<td class="text">below 1 mN m</td>' in page
     assert '<td class="text">within 3e-7 of 1</td>' in page
-    assert "The augmented device multiplies the command by 0.938" in page
+    assert "The improved device multiplies the command by 0.938" in page
     assert SCALE[1:] in html.unescape(page).replace("\u00a0", " ")
     assert '<td class="text">gain</td>' not in page
 

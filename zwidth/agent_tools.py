@@ -78,9 +78,9 @@ async def check(
 ) -> dict[str, Any]:
     """Check whether a device file still describes its machine, and say what changed if not.
 
-    device: the `augmented_device` of a diagnosis. recordings: later ones of the same machine.
-    model, joint: an MJCF or URDF model that MuJoCo runs instead. Takes seconds. status 0: within
-    the band, 1: outside.
+    device: the improved device of a diagnosis (`augmented_device`). recordings: later ones of the
+    same machine. model, joint: an MJCF or URDF model that MuJoCo runs instead. Takes seconds.
+    status 0: within the band, 1: outside.
     """
     return await asked("check", {"model": model, "joint": joint}, device, *recordings)
 

@@ -66,8 +66,8 @@ DRAWS = 12  # of the posterior
 FAR = -float(ndtri(0.5 * RARE))  # standard deviations that one error in so many exceeds
 DELAY = "loop_delay"
 NO_BAND = (
-    "{} has no [band], which gives the allowed error; take the NAME.augmented.toml that"
-    " 'zwidth diagnose' writes"
+    "{} has no [band], which gives the allowed error; take the improved device that 'zwidth"
+    " diagnose' writes (NAME.augmented.toml)"
 )
 
 

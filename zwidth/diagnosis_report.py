@@ -347,7 +347,7 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
     unit = unit_of(gain.value)
     asked = "" if unit is None else f"; is the unit wrong ({unit})?"
     return (
-        f"the augmented device multiplies the command by {gain.value:.3g} (command_gain in its"
+        f"the improved device multiplies the command by {gain.value:.3g} (command_gain in its"
         f" [interface]){asked}"
     )
 

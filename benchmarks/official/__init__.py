@@ -1,1 +1,1 @@
-"""The public leader boards of nonlinear identification: their own loaders, splits and metrics."""
+"""The public benchmarks of nonlinear identification: their own loaders, splits and metrics."""

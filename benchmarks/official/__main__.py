@@ -1,4 +1,4 @@
-"""`zwidth diagnose` on the public leader boards: one run, trained on train, the tests opened once.
+"""`zwidth diagnose` on public benchmarks: one run, fitted to the training data; tests opened once.
 
     python -m benchmarks.official RECORDINGS
     python -m benchmarks.official RECORDINGS --only emps --write
@@ -26,16 +26,17 @@ from zwidth import Diagnosis
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text
 from zwidth.sim.device import place_label
-from zwidth.sim.readable import with_unit
+from zwidth.sim.readable import plain
 
 PAGE = Path(__file__).parents[2] / "docs" / "official.md"
 RUNS = Path(__file__).parents[2] / "runs" / "official"
 STEP = 5e-8  # m, of EMPS' encoder
+NOTHING = 1e-6  # of a parameter's neighbour in the same unit, below which it is zero
 
 
 @dataclass(frozen=True)
 class Result:
-    """errors, elsewhere: by the names of the tests, in the board's unit; floor in it, too."""
+    """errors, elsewhere: by the names of the tests, in the benchmark's unit, as is floor."""
 
     board: Board
     errors: dict[str, float]
@@ -46,7 +47,10 @@ class Result:
 
 
 def physics_of(answer: Diagnosis) -> str:
-    """Return what the device that predicts is made of, with its numbers."""
+    """Return what the device that predicts is made of, with its numbers in plain SI units.
+
+    A magnitude that is zero beside another of the effect, in the same unit, is written 0.
+    """
     found = answer.predicts_with
     device = found.final.model.build(found.final.x)
     said: list[str] = []
@@ -54,8 +58,12 @@ def physics_of(answer: Diagnosis) -> str:
         if p.effect.sought == "learned":
             said.append(f"`{place_label(p)}`: a learned table")
             continue
-        values = [f"{q.name} {with_unit(p.values[q.name], q.unit_for(device.rotary), 4)}"
-                  for q in p.effect.parameters]  # fmt: skip
+        units = {q.name: q.unit_for(device.rotary) for q in p.effect.parameters}
+        values: list[str] = []
+        for name, unit in units.items():
+            most = max(abs(p.values[other]) for other in units if units[other] == unit)
+            value = p.values[name] if abs(p.values[name]) > NOTHING * most else 0.0
+            values.append(f"{name} {plain(value)} {unit}".rstrip())
         said.append(f"`{place_label(p)}`: {', '.join(values)}")
     return "; ".join(said)
 
@@ -104,11 +112,11 @@ def table(results: list[Result]) -> str:
             state, chance = r.floor
             low, middle, high = np.quantile(chance, [0.05, 0.5, 0.95])
             below.append(
-                f"Drift floor of {r.board.title}: {state:.2g} {unit} by the first window alone,"
-                f" {middle:.2g} {unit} ({low:.2g} to {high:.2g}) by forces of chance."
+                f"Drift floor of {r.board.title}: {state:.2g} {unit} from the first samples alone,"
+                f" {middle:.2g} {unit} ({low:.2g} to {high:.2g}) from random forces."
             )
     packages = ", ".join(f"`{p}` {version(p)}" for p in ("nonlinear_benchmarks", "identibench"))
-    return "\n".join([*lines, "", *below, f"By {packages}.", ""])
+    return "\n".join([*lines, "", *below, f"Data and scores: {packages}.", ""])
 
 
 def main() -> int:
@@ -117,7 +125,9 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("recordings", type=Path, help="folder of the published files")
-    options.add_argument("--only", choices=list(BOARDS), action="append", help="this board")
+    options.add_argument(
+        "--only", choices=list(BOARDS), action="append", help="this benchmark; may be repeated"
+    )
     options.add_argument("--write", action="store_true", help="write docs/official.md, too")
     asked = options.parse_args()
 

@@ -1,4 +1,4 @@
-"""The boards: what they ask, by `nonlinear_benchmarks`' own loaders, and what others reach.
+"""The benchmarks: what they ask, by `nonlinear_benchmarks`' own loaders, and what others reach.
 
 The loaders of `nonlinear_benchmarks` fetch their files from the web once and read them from a
 folder afterwards. `placed` puts files that one has already into such a folder, so that the splits
@@ -23,7 +23,7 @@ MACHINES = Path(__file__).parents[2] / "docs" / "machines"
 
 @dataclass(frozen=True)
 class Board:
-    """A set of the board: its loader, and what it is a recording of.
+    """A data set of the benchmarks: its loader, and what it is a recording of.
 
     scale: SI units of the command in one of the file's. shown: the unit in which errors are shown,
     and how many of it are one of the file's. published: test part -> what others reach, in the

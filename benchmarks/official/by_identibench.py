@@ -22,7 +22,7 @@ def model_of(board: Board, answer: Diagnosis) -> Model:
 
 
 def scores(board: Board, answer: Diagnosis, trained_on: Any, folder: Path) -> dict[str, float]:
-    """Return the score of each test set in the board's unit (`identibench`'s factor of 1000 is it).
+    """Return the score of each test set in the benchmark's unit (hence `identibench`'s factor).
 
     trained_on: what the answer is of; folder: as of `boards.placed`. Raises ValueError if
     `identibench` would train on anything else.

@@ -485,7 +485,7 @@ def cautions(findings: Sequence[Finding], free: HeldOut, whole: Sequence[WholeRu
         return [
             f"with {by}, free runs on held-out data have an error of {of_the_motion(free.after)},"
             f" more than with the device file as it is ({percent(free.before)}): do not simulate"
-            " with the augmented device"
+            " with the improved device"
         ]
     return [
         f"over the whole run, the error of the {run.output.replace('_', ' of ')} in {run.recording}"

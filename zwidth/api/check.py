@@ -19,7 +19,7 @@ def check(
 ) -> Check:
     """Say whether a device still predicts its machine, and if not, what changed.
 
-    device: a Device with a band, as `diagnose(...).device`, or the file of one
+    device: a Device with a band, as the improved device `diagnose(...).device`, or its file
     (NAME.augmented.toml). recordings: as for `diagnose`. model: an MJCF or URDF model of the
     robot; MuJoCo then simulates this model instead of the device, and its errors are compared with
     the device's band. joint: the joint of the model or, without a model, the joint to take from

@@ -50,8 +50,8 @@ def command(
 ) -> int:
     """Check whether a device file still describes its machine, for automatic builds.
 
-    DEVICE is the NAME.augmented.toml of a diagnosis. Its [band] is the range of errors that free
-    runs may have. LOG is any recording that 'zwidth diagnose' can read.
+    DEVICE is the improved device of a diagnosis (NAME.augmented.toml). Its [band] is the range of
+    errors that free runs may have. LOG is any recording that 'zwidth diagnose' can read.
 
     Exit status: 0 if the errors of all LOGs are within the band, 1 if a LOG is outside, 2 for bad
     input. If a LOG is outside, the parameters of DEVICE are refitted, and one sentence says which

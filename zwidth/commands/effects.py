@@ -116,7 +116,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         raise ValueError(f"{file} has no learned law: every finding in it has a name")
     if not found["formulas"]:
         raise ValueError(
-            f"{file} has a learned law without a formula near it; use the table in the augmented"
+            f"{file} has a learned law without a formula near it; use the table in the improved"
             f" device ({found['effect']})"
         )
     said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"

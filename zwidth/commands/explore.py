@@ -20,8 +20,8 @@ PORT = 5006
 @click.command("explore")
 @device_argument()
 @click.option("--compare", multiple=True, metavar="DEVICE2",
-              help="Another device that you can select on the page, for example the"
-              " NAME.augmented.toml of 'zwidth diagnose'; may be repeated.")  # fmt: skip
+              help="Another device that you can select on the page, for example the improved"
+              " device of 'zwidth diagnose' (NAME.augmented.toml); may be repeated.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
               help="Recording to draw beside every run. You can also drop a file on the"
               " page.")  # fmt: skip
