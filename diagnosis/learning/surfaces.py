@@ -405,7 +405,7 @@ def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
     for line in _lines(field):
         model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
         ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
-        end = descend(ground, x, 1, under.creased)
+        end = descend(ground, x, 1, under.creased, first=True)
         if end.cost < least:
             least, likeliest = end.cost, model.effects_at(end.x)[-1]
     return likeliest

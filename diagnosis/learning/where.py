@@ -88,7 +88,7 @@ def begun(base: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
         for share in RATIOS if base.family.whitening else RATIOS[:1]:
             with suppress(NoObserver):
                 there = first.under(share * first.ratio)
-                ended = descend(there.far_ground, first.x, ROUNDS, first.creased)
+                ended = descend(there.far_ground, first.x, ROUNDS, first.creased, first=True)
                 found.append(there.moved(ended.x))
         return min(found, key=lambda h: h.cost.misfit)
     return None
