@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.answer import adequacy as judging
+from zwidth.diagnosis.answer import stands
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.stands import standing, what_stands
+from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
@@ -137,15 +139,41 @@ def test_held_out_data_choose_between_the_answers_of_two_judges(
     bare = replace(unnamed(found), far=True)
     search = Searches(lambda _: found)
 
-    def stands(first: Searched, beside: Searched) -> Searched:
+    def stood(first: Searched, beside: Searched) -> Searched:
         asked = replace(first, far=True, beside=beside)
         return what_stands(drive(), rubbed, asked, search, lambda _: None).by
 
     right, wrong = found.final.model.label, bare.final.model.label
     assert right != wrong
-    assert stands(bare, found).final.model.label == right
-    assert stands(found, bare).final.model.label == right
-    assert stands(bare, bare).final.model.label == wrong
+    assert stood(bare, found).final.model.label == right
+    assert stood(found, bare).final.model.label == right
+    assert stood(bare, bare).final.model.label == wrong
+
+
+def test_of_no_effect_it_is_asked_too_what_the_next_sample_shows(
+    rubbed: Taken, found: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a hum, errors over a longer horizon showed nothing on one recording of the exam.
+
+    Mutation that breaks it: what is left is asked under the noise of that horizon alone.
+    """
+    asked: list[Searched] = []
+
+    def left(of: Searched, _: Taken) -> tuple[Left, None]:
+        asked.append(of)
+        return Left(100.0, "a hum"), None
+
+    monkeypatch.setattr(stands, "runs_freer", lambda *_: True)
+    monkeypatch.setattr(stands, "_what_is_left", left)
+    near, plain = unnamed(found), found.tried.plain
+    horizon = as_far_as(FAR_S, plain.experiments)
+    far = settled(independent(judged(plain.experiments, plain.model, plain.x, horizon), FAR_S))
+    second = as_found(drive(), replace(found.tried, plain=far, best=far))
+    first = replace(near, far=True, beside=second)
+    stood = what_stands(drive(), rubbed, first, Searches(lambda _: near), lambda _: None)
+    assert stood.by is second
+    assert asked[-1].final.model.effects == ()
+    assert asked[-1].problem.observer.whitening is not None
 
 
 def test_a_force_whose_answer_overflows_explains_nothing(found: Searched) -> None:

@@ -97,7 +97,9 @@ def what_stands(
             again, how = standing(device, taken, second, say)
             if again is second or not found.final.model.effects:  # second was not rejected itself
                 found, sound = again, how
-                left, other = _what_is_left(found, taken)
+                # Of no effect it must be true from sample to sample too.
+                own = found if found.final.model.effects else unnamed(found)
+                left, other = _what_is_left(own, taken)
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):

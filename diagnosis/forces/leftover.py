@@ -71,9 +71,10 @@ class Leftover:
         """Say what is left."""
         unit = "s" if self.over == "time" else "rad" if rotary else "m"
         q = "" if self.follows == "1" else f" proportional to the {self.follows}"
+        hertz = f" ({1.0 / self.period:.3g} Hz)" if self.over == "time" else ""
         return (
             f"a force at {self.at}{q} that repeats over {self.over} every {self.period:.3g} {unit}"
-            f" would lower the chi-square by {self.gained:.0f} (chance: {self.chance:.0f})"
+            f"{hertz} would lower the chi-square by {self.gained:.0f} (chance: {self.chance:.0f})"
         )
 
 

@@ -52,12 +52,11 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Parameter
 from zwidth.sim.physics.free_law import (
     check_rising,
+    curve_through,
     numbered,
     per,
     rising,
     row_values,
-    slope_of,
-    width_of,
 )
 from zwidth.sim.place import LINKS, MASSES
 
@@ -306,21 +305,7 @@ def curve(s, p, at, laws, most):
 
     That of `free_law.table_law` where it is neither odd nor repeats.
     """
-    none = 0.0 * p[at]
-    total = p[laws] + none + 0.0 * s
-    for j in range(most - 1):
-        width, beyond = width_of(p, at, most - 1, j), s - p[at + j]
-        if any_lane((width > 0.0) & (beyond > 0.0)):
-            if any_lane((beyond > 0.0) & (beyond < width)):
-                before, slope_before = none, none
-                if j > 0:
-                    before = width_of(p, at, most - 1, j - 1)
-                    slope_before = slope_of(p, at, laws, most - 1, j - 1)
-                own, back, on = _bend(beyond, before, width, width_of(p, at, most - 1, j + 1))
-                total += own * slope_of(p, at, laws, most - 1, j) + back * slope_before
-                total += on * slope_of(p, at, laws, most - 1, j + 1)
-            total = select((width > 0.0) & (beyond >= width), p[laws + j + 1], total)
-    return total
+    return curve_through(s, p, at, laws, most - 1, False, 0.0, 0.0)
 
 
 @part

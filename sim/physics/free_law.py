@@ -163,34 +163,45 @@ def table_law(s, p):
     # From the last point to the first one of the next turn; of nothing where none follows.
     close = select(cyclic, p[1] + period - p[LAST_AT], 0.0)
     slope_close = per(p[FIRST_FORCE] - p[LAST_FORCE], close)
-    total = p[FIRST_FORCE] + 0.0 * x
-    for j in range(KNOTS - 1):
-        width, beyond = width_of(p, 1, KNOTS - 1, j), x - p[1 + j]
-        if any_lane((width > 0.0) & (beyond > 0.0)):
-            if any_lane((beyond > 0.0) & (beyond < width)):
-                slope = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j)
-                before, slope_before = close, slope_close
-                if j > 0:
-                    before = width_of(p, 1, KNOTS - 1, j - 1)
-                    slope_before = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j - 1)
-                after = width_of(p, 1, KNOTS - 1, j + 1)
-                slope_after = slope_of(p, 1, KNOTS + 1, KNOTS - 1, j + 1)
-                ends = cyclic & (width > 0.0) & (after <= 0.0)
-                next_width = select(ends, close, after)
-                next_slope = select(ends, slope_close, slope_after)
-                first = select(odd, slope, _at_end(width, slope, after, slope_after))
-                left = select(before > 0.0, _inside(before, slope_before, width, slope), first)
-                last = _at_end(width, slope, before, slope_before)
-                right = select(
-                    next_width > 0.0, _inside(width, slope, next_width, next_slope), last
-                )
-                total += _bend(beyond, width, slope, left, right)
-            total = select((width > 0.0) & (beyond >= width), p[KNOTS + 2 + j], total)
+    total = curve_through(x, p, 1, FIRST_FORCE, KNOTS - 1, odd, close, slope_close)
     beyond = x - p[LAST_AT]
     if any_lane((beyond > 0.0) & (beyond < close)):
         left, right = _closing(p, close, slope_close)
         total += _bend(beyond, close, slope_close, left, right)
     return select(odd & (s < 0.0), -total, total)
+
+
+@part
+def curve_through(x, p, at, laws, count, odd, close, slope_close):
+    """The curve at x through points, states from p[at] on and laws from p[laws] on.
+
+    count: of its intervals. close, slope_close: width and slope of the interval that closes the
+    turn of a periodic law, 0 for none.
+    """
+    total = p[laws] + 0.0 * x
+    for j in range(count):
+        width, beyond = width_of(p, at, count, j), x - p[at + j]
+        there = width > 0.0
+        if any_lane(there & (beyond > 0.0)):
+            if any_lane((beyond > 0.0) & (beyond < width)):
+                slope = slope_of(p, at, laws, count, j)
+                before, slope_before = close, slope_close
+                if j > 0:
+                    before = width_of(p, at, count, j - 1)
+                    slope_before = slope_of(p, at, laws, count, j - 1)
+                after = width_of(p, at, count, j + 1)
+                slope_after = slope_of(p, at, laws, count, j + 1)
+                ends = (close > 0.0) & there & (after <= 0.0)
+                next_width = select(ends, close, after)
+                next_slope = select(ends, slope_close, slope_after)
+                first = select(odd, slope, _at_end(width, slope, after, slope_after))
+                left = select(before > 0.0, _inside(before, slope_before, width, slope), first)
+                last = _at_end(width, slope, before, slope_before)
+                right = _inside(width, slope, next_width, next_slope)
+                right = select(next_width > 0.0, right, last)
+                total += _bend(beyond, width, slope, left, right)
+            total = select(there & (beyond >= width), p[laws + j + 1], total)
+    return total
 
 
 @part
