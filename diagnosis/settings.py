@@ -358,6 +358,10 @@ class FreeForces:
     """The same, by which it must be more likely than a named effect. Derived: five sigma of one
     number."""
 
+    doubt: float = 9.0
+    """The same, from which a law that contains the named effect is mentioned. Derived: three sigma
+    of one number."""
+
     part: float = 0.5
     """Share of what named effects explain that it must explain to first order to be fitted. Tuned,
     no data kept."""

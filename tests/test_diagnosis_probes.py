@@ -12,6 +12,7 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces import probes
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.probes import instead_by_law, repeating
+from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import refit, settle
 from zwidth.sim.chain import make_chain
@@ -119,20 +120,33 @@ def square_found(truth: Device) -> tuple[Problem, Fitted]:
     return problem, fit(problem, Model(single(), (square,), ({"coefficient": 2e-5},)), start, 30)
 
 
+def cubed(level: float) -> Instead | None:
+    """What is in place of the square that was fitted to a cubic drag."""
+    values: dict[str, Any] = {"level": level, "power": 3.0, "speed": 20.0}
+    return instead_by_law(*square_found(single().with_physics(Physics(power_drag, "m1", values))))
+
+
 def test_a_cube_is_told_from_a_square():
     """By its power; and a square stays one.
 
     Mutations that break it: the power held at 2; the threshold left out.
     """
-    v = 20.0
-    values: dict[str, Any] = {"level": 8e-3, "power": 3.0, "speed": v}
-    other = instead_by_law(*square_found(single().with_physics(Physics(power_drag, "m1", values))))
+    v, other = 20.0, cubed(8e-3)
     assert other is not None
+    assert other.sure
     assert other.place == "m1"
     assert float(other.follows.split()[2]) == pytest.approx(3.0, abs=0.3)
     assert "likelier than quadratic_drag at m1" in other.sentence
     square = make_physics("quadratic_drag", "m1", coefficient=8e-3 / v**2)
     assert instead_by_law(*square_found(single().with_physics(square))) is None
+
+
+def test_a_cube_that_hardly_shows_is_only_mentioned():
+    """Three to five sigma. Mutation that breaks it: nothing is said below five."""
+    other = cubed(5e-3)
+    assert other is not None
+    assert not other.sure
+    assert float(other.follows.split()[2]) == pytest.approx(3.0, abs=0.3)
 
 
 def test_a_stop_is_told_from_a_spring_that_stiffens():

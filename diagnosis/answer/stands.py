@@ -158,7 +158,10 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
     name = "unknown physics in place of the named effects"
     with stage("in place of names"), isolated("detect", name):
         other = instead_of(found)
-    return left or Left(0.0, ""), other
+    left = left or Left(0.0, "")
+    if other is not None and not other.sure:
+        return replace(left, hint=f"the law may be another one: {other.sentence}"), None
+    return left, other
 
 
 def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
@@ -209,7 +212,8 @@ def instead_of(found: Searched) -> Instead | None:
         if without.x.size < final.x.size
     ]
     asked.append(instead_by_law(found.problem, final))
-    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
+    told = [a for a in asked if a is not None]
+    return max(told, key=lambda a: (a.sure, a.gained), default=None)
 
 
 def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
@@ -280,7 +284,8 @@ def second_look(
     if not new or not all(akin(label, labels) for label in known):
         return found, left, None
     beyond = left_over(again, acted)
-    if beyond.matters(named=True) or instead_of(again) is not None:
+    other = instead_of(again)
+    if beyond.matters(named=True) or (other is not None and other.sure):
         return found, left, None
     names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (

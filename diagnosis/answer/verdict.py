@@ -71,13 +71,15 @@ class Left:
     """The unexplained rest: the chi-square that an unknown force would gain, 0 for chance.
 
     whole: whether it shows only in the complete recordings, not in the fitted part. beside:
-    chi-square that may remain beside the named effects.
+    chi-square that may remain beside the named effects. hint: a law outside the library that may
+    be in the place of an effect, "" for none.
     """
 
     gained: float
     sentence: str
     whole: bool = False
     beside: float = 0.0
+    hint: str = ""
 
     def matters(self, named: bool) -> bool:
         """Whether too much is left beside named effects or, without these, anything at all."""

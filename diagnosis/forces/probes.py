@@ -65,7 +65,11 @@ class Probe:
 
 
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
-    """Return the most likely law outside the library, if more likely than the named effects."""
+    """Return the most likely law outside the library, if more likely than the named effects.
+
+    A law that contains the named effect is returned as not `sure` if it is likelier by less than
+    that, but by three sigma of its further number.
+    """
     probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
     if not probes:
         return None
@@ -90,12 +94,15 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
         paid = there.cost(settled) + price * settled.x.size
         # If the effect is a case of the law, its further unknown needs five sigma, but no penalty.
         weighed = paid - price * (settled.x.size - final.x.size) if probe.nested else paid
-        if weighed < least:
+        sure = weighed < least
+        doubtful = best is None and probe.nested and weighed < own - FREE_FORCES.doubt
+        if sure or doubtful:
             gone = [final.model.effects[i] for i in probe.gone]
             name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)
             law = settled.model.build(settled.x).physics[-1]
-            best = Instead(own - paid, len(probe.scales), law.at, _says(law, rotary), name)
-            least = weighed
+            says = _says(law, rotary)
+            best = Instead(own - paid, len(probe.scales), law.at, says, name, sure)
+            least = min(least, weighed)
     return best
 
 

@@ -118,13 +118,17 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Instead:
-    """A force outside the library in place of named effects: its gain, less its penalty."""
+    """A force outside the library in place of named effects: its gain, less its penalty.
+
+    sure: whether it is more likely by `FREE_FORCES.rather`; else it is only mentioned.
+    """
 
     gained: float
     unknowns: int
     place: str
     follows: str
     name: str
+    sure: bool = True
 
     @property
     def sentence(self) -> str:
