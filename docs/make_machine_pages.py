@@ -18,10 +18,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: sums 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.diagnosis.answer.words import negligible_in_words
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
-from zwidth.diagnosis_report import estimate
+from zwidth.diagnosis_report import estimate, masses_of
 from zwidth.figures.diagnosis import whole_run_figure
 from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned_surface import law_figure
@@ -146,6 +147,8 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     for f in found.findings:
         values = "; ".join(f"{key} {estimate(value)}" for key, value in f.parameters.items())
         lines.append(f"| `{f.effect}` at {f.at} | {values} | {number(f.separation_sigma)} |")
+    if small := negligible_in_words(found.negligible, masses_of(found)):
+        lines += ["", f"{small[:1].upper()}{small[1:]}."]
     lines += ["", "| linear parameter | device file | refitted |", "|---|---|---|"]
     for key, (nominal, value) in found.linear_refit.items():
         lines.append(f"| {key} | {number(nominal)} | {estimate(value)} |")

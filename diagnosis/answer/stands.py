@@ -97,7 +97,7 @@ def what_stands(
             again, how = standing(device, taken, second, say)
             if again is second or not found.final.model.effects:  # second was not rejected itself
                 found, sound = again, how
-                # Of no effect it must be true from sample to sample too.
+                # An answer without effects must leave nothing from sample to sample, too.
                 own = found if found.final.model.effects else unnamed(found)
                 left, other = _what_is_left(own, taken)
     by, faults = found, taken.faults
