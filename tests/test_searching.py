@@ -715,6 +715,33 @@ def test_a_richer_law_gives_way_to_a_simpler_one_beside_another() -> None:
     assert found.best.labels == {"coulomb_friction@m2", "quadratic_drag@m2"}
 
 
+def test_two_laws_that_imitate_one_give_way_to_it_and_to_what_is_beside_it() -> None:
+    """A spring and a ripple near the rest position of a pendulum, on whose axis a drag acts too.
+
+    Mutations that break it: a law must contain both; one more effect is tried only beside as many.
+    """
+    truth = drive().with_physics(
+        make_physics("gravity_pendulum", "m1", level=0.5, angle=0.1),
+        make_physics("quadratic_drag", "m2", coefficient=1e-3),
+    )
+    swung = [recording(truth, 3000, 1)]
+    two = {"stiffness": 0.4}, {"amplitude": 0.05, "period": 6.0, "phase": 0.0}
+    model = Model(drive())
+    for name, values in zip(("ground_spring", "force_ripple"), two, strict=True):
+        scales = {key: value or 0.5 for key, value in values.items()}
+        model = model.with_effect(make_physics(name, "m1", **values), scales)
+    h = settled(judged(swung, model, np.zeros(len(model.parameters))), turns=2)
+    (one,) = merged(h, NORMAL)
+    assert one.labels == {"gravity_pendulum@m1"}
+    h = replace(h, cost=replace(h.cost, misfit=h.cost.misfit - 60.0))  # by what the drag left
+    plain = judged(swung, Model(drive()), np.zeros(len(Model(drive()).parameters)))
+    moves = replace(only(), exchanging=(merged,))
+    found = Search(settled(plain), h, QUICK, silent, moves)
+    found.keep(h)
+    _exchanged(found)
+    assert found.best.labels == {"gravity_pendulum@m1", "quadratic_drag@m2"}
+
+
 def test_a_damper_that_was_guessed_far_too_small_is_a_damper() -> None:
     """Thirty times the file's: no drag stands in for it. Mutation that breaks it: BENT = ()."""
     device = drive()

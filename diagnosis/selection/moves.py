@@ -301,7 +301,11 @@ def _shares(effect: Effect, whole: Effect) -> bool:
 
 
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with two effects at one place replaced by a law that contains both."""
+    """Yield the hypothesis with two effects at one place replaced by a law that acts like both.
+
+    The law contains both, or one, and is mistaken for the other: a spring and a ripple together
+    are a pendulum near its rest position, and neither is replaced alone as long as the other stays.
+    """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
     sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
@@ -312,12 +316,19 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         model, x = h.model.less(h.x, j)
         model, x = model.less(x, i)
         for effect, place in open_places(model.build(x)):
-            both = {one.effect.name, other.effect.name} <= {*effect.contains}
-            if both and place.acts_on == one.place.acts_on:
+            if place.acts_on == one.place.acts_on and _like_both(effect, one.effect, other.effect):
                 (starts,) = starts_at([(effect, place)], sizes, far=True).values()
                 alike = [*_as_strong(starts, one), *_as_strong(starts, other)]
                 every = [(start,) for start in (*starts, *alike)]
                 yield replace(_among(h, model, x, every), akin=True)
+
+
+def _like_both(law: Effect, one: Effect, other: Effect) -> bool:
+    """Whether a law contains two others, or contains one and is mistaken for the other."""
+    pair = {one.name, other.name}
+    return law.name not in pair and bool(pair & {*law.contains}) and pair <= {
+        *law.contains, *law.mistaken_for
+    }  # fmt: skip
 
 
 def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:

@@ -513,13 +513,15 @@ def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[H
     """The cheapest alternative with a simpler law in place of a richer one, with one more effect.
 
     A law with more parameters replaces two that act together as soon as it explains more than one
-    of them alone: friction that falls with speed replaces dry friction beside a drag. Only the
-    cheapest alternative is tried, since each requires all moves.
+    of them alone: friction that falls with speed replaces dry friction beside a drag. And two laws
+    together may imitate one beside which there is another. Only the cheapest alternative is tried,
+    since each requires all moves.
     """
     asked = [
         n
         for n in new
-        if len(n.model.effects) == len(h.model.effects) < found.effort.effects
+        if len(n.model.effects) <= min(len(h.model.effects), found.effort.effects - 1)
+        and not n.labels < h.labels
         and n.x.size < h.x.size
         and n.labels not in found.grown
     ]
