@@ -20,6 +20,7 @@ from zwidth.diagnosis.answer.findings import (
 )
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -506,23 +507,46 @@ def test_an_effect_stands_above_none_of_it_and_not_above_what_is_in_its_place(
     assert without(found, "coulomb_friction@m1") > 10.0
 
 
-@pytest.mark.parametrize("explains", [True, False])
+@pytest.mark.parametrize("explains", [0, 1, None])
 def test_what_an_effect_explains_whole_is_set_apart_by_nobody(
-    rubbed: list[Experiment], explains: bool
+    rubbed: list[Experiment], explains: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An amplifier that meets its limit once looks like a hand. Mutation: it is not asked for."""
+    """An amplifier that meets its limit once looks like a hand. Mutation: the likeliest alone."""
     plain = settled(judged(rubbed, Model(drive()), np.zeros(Model(drive()).linear_count)))
     model = with_friction(0.03)
     new = settled(judged(rubbed, model, np.zeros(len(model.parameters))))
     short = rubbed[0].part(0, 2000)
 
     def apart(h: Hypothesis) -> list[Experiment] | None:
-        return None if explains and h is slight else [short]
+        return None if explains is not None and h is believed[explains] else [short]
 
     old = replace(plain, cost=replace(plain.cost, misfit=plain.cost.misfit + 1e4))
     found = Search(old, old, QUICK, silent, Moves(apart=apart), recorded=3000)
-    slight = replace(new, cost=replace(new.cost, misfit=old.cost.misfit - 100.0))
-    assert searching._set_apart(found, old, [slight]) is not explains
+    monkeypatch.setattr(searching, "explaining", lambda *_: None)
+    believed = [
+        replace(new, cost=replace(new.cost, misfit=old.cost.misfit - gain))
+        for gain in (100.0, 50.0)
+    ]
+    assert searching._set_apart(found, old, believed) is (explains is None)
+
+
+def test_a_limit_that_is_reached_for_a_moment_is_found_beside_friction_that_gains_more() -> None:
+    """Mutation: only the likeliest effects are asked whether they explain what seems an event."""
+    command = recording(drive(), 3000, 1).command
+    limit = 0.9 * float(np.abs(command).max())
+    assert 5 < np.count_nonzero(np.abs(command) > limit) < 30
+    truth = drive().with_physics(FRICTION, make_physics("saturation", "command", limit=limit))
+    limited = [recording(truth, 3000, 1)]
+    plain, rubs = (
+        settled(judged(limited, m, np.zeros(len(m.parameters))))
+        for m in (Model(drive()), with_friction(0.03))
+    )
+    found = Search(rubs, rubs, NORMAL, silent, Moves(apart=set_apart), recorded=3000)
+    assert plain.cost.misfit > rubs.cost.misfit + 1e3
+    assert set_apart(rubs) is not None
+    assert searching._set_apart(found, rubs, [])
+    assert found.best.labels == {"coulomb_friction@m1", "saturation@command"}
+    assert found.apart == 0
 
 
 @pytest.mark.parametrize(

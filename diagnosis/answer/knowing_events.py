@@ -29,8 +29,7 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.selection.moves import showing
-from zwidth.diagnosis.selection.search import Search, fitted, restart, searched_on
+from zwidth.diagnosis.selection.search import Search, explaining, restart, searched_on
 from zwidth.diagnosis.selection.searched import Searched, as_found, holds, runs_freer
 from zwidth.diagnosis.settings import PURSUIT
 
@@ -131,12 +130,11 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
     explained = best.cost.misfit - beside.cost.misfit * best.samples / beside.samples
     least = PURSUIT.rival_share * explained if before.apart else PURSUIT.no_sign
     search = _begun(before, again(before.plain), best)
-    proposals = list(showing(least)(best, search.effort))
-    for h in fitted(search, proposals, search.effort.ended):
-        if search.ahead(h, best) and highest(_every(taken), h) is None:
-            search.best = h
-            return search
-    return None
+    named = explaining(search, least, lambda h: highest(_every(taken), h) is None)
+    if named is None:
+        return None
+    search.best = named
+    return search
 
 
 def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:

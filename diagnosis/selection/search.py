@@ -13,7 +13,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
@@ -47,6 +47,7 @@ from zwidth.diagnosis.selection.moves import (
     merged,
     removed,
     replaced,
+    showing,
     shown,
     simpler,
     split,
@@ -66,6 +67,7 @@ WORTH_SAYING = 2.0  # [s]: fits that take longer are announced
 GROWN_TICKS = 10000  # of all recordings together, to which populations are fitted
 AGAIN, STILL = 6, 10.0  # turns about the best, and the gain in misfit that justifies another
 MOST_APART, LEAST_LEFT = 8, 0.5  # parts set apart in turn; least share of ticks left to search
+MOST_ASKED = 20  # effects of each view that may explain an apparent event
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x; 1 is the uncertainty of a device file
 
 
@@ -318,22 +320,26 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
     """Set an event apart if it explains more than the next effect; returns whether it did.
 
     A hand on the device distorts every fit, and effects that explain part of it are believed one
-    after the other. An event must gain more than the next effect, and must remain once that effect
-    is included: an amplifier that reaches its limit once looks like a hand. The gain is the cost of
-    the recordings minus their cost with ordinary noise in place of the event, at the cost per
-    sample of the rest.
+    after the other. An event must gain more than the next effect, and must remain with each of the
+    effects that are believed: an amplifier that reaches its limit once or twice looks like a hand.
+    The gain is the cost of the recordings minus their cost with ordinary noise in place of the
+    event, at the cost per sample of the rest.
     """
     if found.moves.apart is None or found.apart >= MOST_APART:
         return False
     stands_apart = found.moves.apart
-    left = attempt("events", "what stands apart", partial(stands_apart, found.best))
+
+    def without_event(h: Hypothesis) -> Sequence[Experiment] | None:
+        return attempt("events", "what stands apart", partial(stands_apart, h))
+
+    def gone(h: Hypothesis) -> bool:
+        return without_event(h) is None
+
+    left = without_event(found.best)
     if left is None or sum(e.ticks for e in left) < LEAST_LEFT * found.recorded:
         return False
     gained = before.cost.misfit - accepted[0].cost.misfit if accepted else 0.0
-    if (
-        accepted
-        and attempt("events", "what stands apart", partial(stands_apart, accepted[0])) is None
-    ):
+    if any(gone(h) for h in accepted):
         return False
 
     def again(h: Hypothesis) -> Hypothesis:
@@ -344,7 +350,9 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
         explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
         if not explained > max(gained, PURSUIT.near_rival):
             return False
-        if (named := _tick_by_tick(found, explained)) is not None:
+        least = PURSUIT.rival_share * explained
+        named = _tick_by_tick(found, explained) or explaining(found, least, gone)
+        if named is not None:
             found.best = named
             found.say(f"accepted: {named.model.label}")
             return True
@@ -364,6 +372,21 @@ def _tick_by_tick(found: Search, explained: float) -> Hypothesis | None:
     least = found.best.cost.misfit - explained
     new = [h for h in fitted(found, asked, found.effort.ended) if h.cost.misfit < least]
     return next((h for h in new if found.ahead(h, found.best)), None)
+
+
+def explaining(
+    found: Search, least: float, gone: Callable[[Hypothesis], bool]
+) -> Hypothesis | None:
+    """The best with one more effect that is believed and explains an apparent event, None if none.
+
+    least: what the effect must gain to first order. gone: whether the event is none any more. All
+    such effects are fitted to the end, not only the likeliest: friction that acts all the time
+    gains more than a limit that is reached twice, and leaves the event as it is.
+    """
+    every = replace(found.effort, near=MOST_ASKED, far=MOST_ASKED)
+    asked = _proposed(showing(least), found.best, every)
+    new = fitted(found, asked, len(asked))
+    return next((h for h in new if found.ahead(h, found.best) and gone(h)), None)
 
 
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
