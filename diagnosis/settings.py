@@ -113,6 +113,9 @@ class Adequacy:
     louder: float = 3.0
     """Largest strength of the noise, relative to where it was fitted. Convention."""
 
+    follows: float = 5.0
+    """Sigma from which on noise counts as louder where the command changes. Convention."""
+
     chance: float = 0.1
     """Largest error of free runs beyond the noise of readings, over the motion. Tuned: a rig of
     five masses had an error of 0.42 by missing physics, with noise that predicted it."""
@@ -359,8 +362,8 @@ class FreeForces:
     number."""
 
     doubt: float = 9.0
-    """The same, from which a law that contains the named effect is mentioned. Derived: three sigma
-    of one number."""
+    """The same, from which such a law is a rival of the named effect. Derived: three sigma of one
+    number."""
 
     part: float = 0.5
     """Share of what named effects explain that it must explain to first order to be fitted. Tuned,

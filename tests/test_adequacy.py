@@ -241,7 +241,7 @@ def test_innovations_drawn_are_white_once_filtered() -> None:
     seen[5:, 1] += 0.5 * seen[:-5, 0]
     observer = whitened(Observer(np.zeros((4, 2)), np.ones(2), 1.0), [seen])
     root = np.array([[2.0, 0.0], [1.0, 0.5]])
-    drawn = observer.weigh(Believed(observer, root).drawn(50000, random))[100:]
+    drawn = observer.weigh(Believed(observer, root, [np.ones(50000)]).drawn(0, random))[100:]
     assert drawn.T @ drawn / drawn.shape[0] == pytest.approx(root @ root.T, rel=0.05)
     for lag in (1, 5, 24):
         assert np.abs(drawn[lag:].T @ drawn[:-lag] / drawn.shape[0]).max() < 0.1

@@ -154,6 +154,7 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.ONE_LEVEL: answer(rival, level=level, free=replace(GOOD, noise_floor=0.0)),
         Reason.RIVALS: answer(rival),
         Reason.IMPROBABLE: answer(replace(FRICTION, with_richer=0.94)),
+        Reason.DOUBTED: answer(FRICTION, left=Left(0.0, "", hint="it may be another"), refit=moved),
         Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved),
         Reason.LAW: answer(free=stray, law=law),
         Reason.STRAY: answer(free=stray, refit=moved),
@@ -162,6 +163,7 @@ def test_a_reason_decides_and_the_first_counts():
     }
     assert list(every) == list(Reason)
     assert [reason(facts) for facts in every.values()] == list(Reason)
+    assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
     assert answer(sound=WEAK).verdict is Verdict.UNKNOWN_PHYSICS
     assert answer(FRICTION, sound=replace(SOUND, better=0.5)).verdict is Verdict.UNKNOWN_PHYSICS
     assert all(why(facts) for because, facts in every.items() if facts.law is None

@@ -135,3 +135,19 @@ def test_a_single_sample_needs_errors_that_are_clearly_smaller() -> None:
     assert not any(shift.sure(100, single=True) for shift in (far, near))
     assert far.sure(100, single=False)
     assert Shift(1, 218.5, 1.6, 7.5).sure(100, single=True)
+
+
+def test_a_delay_of_the_device_file_may_be_wrong_without_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two samples earlier are half a sample before the motion begins, with a delay of 1.5.
+
+    Errors are 0.3 % smaller, at 9.6 sigma of blocks (friction, read coarsely; the exam of
+    20281221). Mutation: the delay is not counted.
+    """
+    e = record(phantom(), 2.0)
+    delayed = phantom().with_interface(delay=1.5 * e.period)
+    for better, device, by in ((1.003, delayed, 0), (1.003, phantom(), 2), (1.6, delayed, 2)):
+        shift = Shift(2, 300.0, better, 9.6)
+        monkeypatch.setattr("zwidth.diagnosis.intake.late._under", lambda *_, s=shift: s)
+        assert shifted_by(device, e) == by

@@ -254,15 +254,19 @@ def test_what_contains_an_effect_and_what_is_akin_are_fitted(
 def test_friction_by_direction_is_split_in_an_offset_and_any_law_alike_both_ways(
     rubbed: list[Experiment],
 ) -> None:
-    """Mutations: the parts that it contains alone; two laws of dry friction at one place."""
+    """An offset at either mass. Mutations: the parts that it contains alone; two laws of dry
+    friction at one place; all parts where the whole is (the exam of 20281221 had an offset of the
+    amplifier beside friction of the load).
+    """
     levels = {"level_plus": 0.02, "level_minus": 0.03, "viscous_plus": 1e-3, "viscous_minus": 1e-3}
     model = Model(drive()).with_effect(make_physics("directional_friction", "m1", **levels), levels)
     h = judged(rubbed, model, np.zeros(len(model.parameters)))
     laws = ("coulomb_friction", "stribeck_friction", "rising_friction", "presliding_friction")
-    pairs = [("constant_force", "quadratic_drag")]
-    pairs += [(law, other) for law in laws for other in ("constant_force", "quadratic_drag")]
+    pushes = ("constant_force@m1", "constant_force@m2")
+    pairs = [(push, "quadratic_drag@m1") for push in pushes]
+    pairs += [(f"{law}@m1", other) for law in laws for other in (*pushes, "quadratic_drag@m1")]
     found = {frozenset(p.model.label.split(" + ")) for p in split(h, NORMAL)}
-    assert found == {frozenset(f"{name}@m1" for name in pair) for pair in pairs}
+    assert found == {frozenset(pair) for pair in pairs}
 
 
 def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Experiment]) -> None:

@@ -9,7 +9,8 @@ gain L and the whitening filters W,
 
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
-where w has the covariance of the recordings' one-step errors. The answer's free runs on y are then
+where w has the covariance of the recordings' one-step errors, and follows the command where these
+do (`noise.loudness`). The answer's free runs on y are then
 computed as on the recording. Let T be the log rms error over runs of one length, and T_i the same
 for each of R draws. The answer is adequate if for all lengths
 
@@ -55,6 +56,7 @@ from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import begun, begun_as, with_play
+from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
@@ -271,20 +273,26 @@ def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Fl
 
 @dataclass(frozen=True)
 class Believed:
-    """Innovations of an observer that its filters whiten, with covariance root root'."""
+    """Innovations of an observer that its filters whiten, with covariance root root'.
+
+    loud: their relative deviation (ticks,) in each recording.
+    """
 
     observer: Observer
     root: Floats
+    loud: Sequence[Floats]
 
-    def drawn(self, ticks: int, random: np.random.Generator) -> Floats:
-        """Return innovations (ticks, o) of a stationary process, which needs no time to settle.
+    def drawn(self, recording: int, random: np.random.Generator) -> Floats:
+        """Return innovations (ticks, o) for a recording; the process needs no time to settle.
 
         The autoregression is computed by dividing spectra, over a period that is longer than the
         result by the memory of the filters.
         """
-        filters = self.observer.filters()
+        filters, loud = self.observer.filters(), self.loud[recording]
+        ticks = loud.size
         size = next_fast_len(ticks + FORGOTTEN, real=True)
         white = random.standard_normal((size, self.root.shape[0])) @ self.root.T
+        white[:ticks] *= loud[:, None]
         response = np.moveaxis(np.fft.rfft(filters, size, axis=2), 2, 0)
         spectrum = np.linalg.solve(response, np.fft.rfft(white, axis=0)[:, :, None])[:, :, 0]
         return np.fft.irfft(spectrum, size, axis=0)[:ticks]
@@ -298,13 +306,24 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
     of a slow observer consist only of missing physics, and would be predicted as noise.
     """
     device = final.model.acting(final.x)
-    white = _weighed(device, seen, observer)
+    each = [_whitened(device, e, observer) for e in seen]
+    white = _known_rows(each, seen)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
         size = np.sqrt(np.mean(white**2, axis=0))
         white = white * np.minimum(1.0, ADEQUACY.louder / size)
         root = np.linalg.cholesky(white.T @ white / white.shape[0])
-        return Believed(observer, root) if np.all(np.isfinite(root)) else None
+        if np.all(np.isfinite(root)):
+            return Believed(observer, root, _loud(device, observer, each, seen))
     return None
+
+
+def _loud(
+    device: Device, observer: Observer, white: Sequence[Floats], seen: Sequence[Experiment]
+) -> list[Floats]:
+    """The loudness of the noise of recordings, with weighted innovations; also from before them."""
+    before = [e.before for e in seen if e.before is not None]
+    more = [_whitened(device, e, observer) for e in before]
+    return loudness([*white, *more], [e.command for e in (*seen, *before)])[: len(seen)]
 
 
 def _known(final: Fitted) -> Floats:
@@ -338,10 +357,10 @@ def _bootstrapped(
     model, gain = final.model, noise.observer.gain
     x = model.within(final.x + root @ random.standard_normal(root.shape[1]))
     played: list[Experiment] = []
-    for e, mine in zip(judge_by, own, strict=True):
+    for i, (e, mine) in enumerate(zip(judge_by, own, strict=True)):
         theirs = model.seen(e, x)
         there = begun_as(theirs, mine)
-        y = driven(model.acting(x), there, gain, noise.drawn(e.ticks, random))
+        y = driven(model.acting(x), there, gain, noise.drawn(i, random))
         again = replace(mine, measured=y + (mine.measured - theirs.measured))
         if mine.before is None:
             again = _begun_again(model.acting(final.x), again, mine, noise.observer)
@@ -471,11 +490,19 @@ def _bounded(squares: Floats) -> Floats:
 
 def _weighed(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
     """Weighted innovations (samples, o) of the measurement, once settled."""
-    parts: list[Floats] = []
-    for e in seen:
-        white = observer.weigh(innovations(device, e, observer.gain), e.uncounted)
-        parts.append(white[settling(e) :][e.known[settling(e) :]])
+    return _known_rows([_whitened(device, e, observer) for e in seen], seen)
+
+
+def _known_rows(white: Sequence[Floats], seen: Sequence[Experiment]) -> Floats:
+    parts = [w[settling(e) :][e.known[settling(e) :]] for w, e in zip(white, seen, strict=True)]
     return np.concatenate(parts)
+
+
+def _whitened(device: Any, e: Experiment, observer: Observer) -> Floats:
+    """Weighted innovations (ticks, o), zero until the observer has settled."""
+    white = observer.weigh(innovations(device, e, observer.gain), e.uncounted)
+    white[: settling(e)] = 0.0
+    return white
 
 
 def _sigma(gains: Floats) -> float:

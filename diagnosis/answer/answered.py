@@ -106,7 +106,7 @@ def answered(
     better = attempt("band", "", banded) or replace(better, band=None)
     known = attempt("posterior", "", partial(with_posterior, better, said.final))
     better = known or replace(better, posterior=None)
-    hints = (stands.left.hint,) if stands.left.hint else ()
+    hint = "" if reason(facts) is Reason.DOUBTED else stands.left.hint
     return Diagnosis(
         facts.verdict, "; ".join([why(facts), *untried]), findings, refit,
         replace(located, sentence=where(located, facts.masses)),
@@ -116,7 +116,7 @@ def answered(
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=stands.sound,
         whole_runs=runs, force_errors=forces, learned=law,
         headline="; ".join([headline(facts), *also]),
-        cautions=(*cautions(findings, free, runs), *hints), changes=changes,
+        cautions=(*cautions(findings, free, runs), *filter(None, [hint])), changes=changes,
         events=events, next_level=level, negligible=negligible,
     )  # fmt: skip
 

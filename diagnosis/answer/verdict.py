@@ -40,6 +40,7 @@ class Reason(Enum):
     ONE_LEVEL = "a command of one level does not distinguish the named effects from others"
     RIVALS = "other effects explain the recording equally well"
     IMPROBABLE = "a named effect is not probable enough"
+    DOUBTED = "a law outside the library is likelier than a named effect, by less than five sigma"
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains the recording"
     STRAY = "no effect is named, and errors of free runs are larger than noise predicts"
@@ -59,11 +60,13 @@ VERDICTS = {
     Reason.STRAY: Verdict.UNDECIDED,
     Reason.RIVALS: Verdict.CONFUSABLE,
     Reason.IMPROBABLE: Verdict.CONFUSABLE,
+    Reason.DOUBTED: Verdict.CONFUSABLE,
     Reason.NAMED: Verdict.IDENTIFIED,
     Reason.LINEAR: Verdict.LINEAR_PARAMETERS,
     Reason.NOTHING: Verdict.NOTHING_MISSING,
 }
-NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.NAMED)  # unless a law is better
+# Unless a law is better.
+NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.DOUBTED, Reason.NAMED)
 
 
 @dataclass(frozen=True)
@@ -187,4 +190,6 @@ def _of_names(f: Facts) -> Reason:
         return Reason.ONE_LEVEL
     if any(one.confusable_with for one in f.findings):
         return Reason.RIVALS
-    return Reason.IMPROBABLE if f.doubtful is not None else Reason.NAMED
+    if f.doubtful is not None:
+        return Reason.IMPROBABLE
+    return Reason.DOUBTED if f.left.hint else Reason.NAMED

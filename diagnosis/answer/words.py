@@ -220,6 +220,8 @@ def _headline(f: Facts, because: Reason) -> str:
             of = "" if len(f.findings) == 1 else f" of {effect_in_words(f.doubtful.effect)}"
             odds = f"{100.0 * (f.doubtful.with_richer or 0.0):.0f} %"
             return f"{names} may be missing: the probability{of} is only {odds}"
+        case Reason.DOUBTED:
+            return f"{names} {is_} missing, but {f.left.hint}"
         case Reason.LOST:
             return f"undecided: an internal error prevented {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
@@ -388,6 +390,8 @@ def why(f: Facts) -> str:
                 f"the probability of {doubtful.effect} at {doubtful.at} is"
                 f" {doubtful.with_richer or 0.0:.2g}, and {VERDICT.sure:g} is required"
             )
+        case Reason.DOUBTED:
+            told = f"{f.left.hint}; five sigma are required to prefer it"
         case Reason.STRAY:
             told = (
                 f"{error}, but measurement noise alone would cause {percent(free.noise_floor)}: the"

@@ -67,8 +67,8 @@ class Probe:
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     """Return the most likely law outside the library, if more likely than the named effects.
 
-    A law that contains the named effect is returned as not `sure` if it is likelier by less than
-    that, but by three sigma of its further number.
+    A law is returned as not `sure` if it is likelier by less than that, but by three sigma of one
+    number.
     """
     probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
     if not probes:
@@ -95,7 +95,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
         # If the effect is a case of the law, its further unknown needs five sigma, but no penalty.
         weighed = paid - price * (settled.x.size - final.x.size) if probe.nested else paid
         sure = weighed < least
-        doubtful = best is None and probe.nested and weighed < own - FREE_FORCES.doubt
+        doubtful = best is None and weighed < own - FREE_FORCES.doubt
         if sure or doubtful:
             gone = [final.model.effects[i] for i in probe.gone]
             name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)

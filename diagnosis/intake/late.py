@@ -11,7 +11,9 @@ Errors of a device file shift n by a sample or more, the more the longer the hor
 observer. So two observers with different horizons must both find a shift, within a third of each
 other, and the smaller one counts; only a true shift is the same for both. A shift is accepted if it
 makes the errors 1.5 times smaller, or if both observers find more than a sample and one is five
-sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. The
+sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. By
+sigma alone, motion must begin a whole sample before the command acts, with the device file's delay:
+otherwise the file's delay may be wrong, and friction alone made 0.3 % of the errors look so. The
 scale is free, since device files give it inaccurately, but not its sign: a feedback predicts later
 measurements, with the opposite sign, u = -K y.
 
@@ -71,6 +73,9 @@ def shifted_by(device: Device, e: Experiment) -> int:
         return 0
     least, largest = sorted((shift.samples for shift in known), key=abs)
     if not any(shift.sure(most, abs(least) == 1) for shift in known):
+        return 0
+    clear = any(shift.better > INTAKE.better for shift in known)
+    if not clear and 0 < least < 1.0 + device.interface.delay / e.period:
         return 0
     return least if abs(largest - least) <= max(1.0, abs(least) / 3.0) else 0
 

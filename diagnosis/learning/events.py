@@ -55,6 +55,7 @@ from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.learning.scatter import scatter_in_like_states
+from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -262,11 +263,14 @@ def _searched(
 ) -> tuple[Peak | None, Chance]:
     """The highest peak, and the distribution of chance in stretches beside known events.
 
-    aside: number of highest peaks to exclude, which may be unknown events; counted: whether they
-    count as chance all the same, since no fit tests them. With nonsmooth laws, an event must also
-    exceed chance among like states.
+    Innovations are divided by the loudness of the noise (`noise.loudness`). aside: number of
+    highest peaks to exclude, which may be unknown events; counted: whether they count as chance all
+    the same, since no fit tests them. With nonsmooth laws, an event must also exceed chance among
+    like states.
     """
     white, answers = _in_ticks(h), _answers(h)
+    loud = loudness(white, [e.command for e in h.experiments])
+    white = [r / louder[:, None] for r, louder in zip(white, loud, strict=True)]
     peak, chance = _standing_out(h, white, answers, known, aside, counted=counted)
     gaussian = replace(chance, excess=min(chance.excess, GAUSSIAN))
     if not h.creased or peak is None or peak.gain <= gaussian.most:

@@ -272,7 +272,8 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     A constant force and Coulomb friction are together a directional friction. Instead of a
     contained effect, other laws of its family that contain such effects too are also tried, such as
     friction that rises with speed; one step at a time, the search would have to pass through the
-    two simple effects, which explain less.
+    two simple effects, which explain less. A constant force may act on any mass, since it only
+    stretches the links between them.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -282,16 +283,24 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         held = [
             (effect, place)
             for effect, place in open_places(model.build(x))
-            if _shares(effect, physics.effect) and place.acts_on == physics.place.acts_on
+            if _shares(effect, physics.effect)
+            and (place.acts_on == physics.place.acts_on or _moves_all(effect))
         ]
         for pair in combinations(held, 2):
             if pair[0][0].family == pair[1][0].family != "":  # two laws of the same thing
+                continue
+            if all(_moves_all(effect) for effect, _ in pair):
                 continue
             each: list[list[Start]] = []
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
                 each.append([*starts, *_as_strong(starts, fitted[i])])
             yield _among(h, model, x, list(product(*each)))
+
+
+def _moves_all(effect: Effect) -> bool:
+    """Whether an effect hardly differs between the masses: constant, it stretches links once."""
+    return effect.name == "constant_force"
 
 
 def _shares(effect: Effect, whole: Effect) -> bool:
