@@ -46,6 +46,7 @@ SETS = (
     ("none=7,single_2x=5,single_5x=7,single_any=6,two_5x=8,three_5x=6,unknown=5", 6.0, 0),
     ("rigs=11,outside=5", 8.0, 1),
 )
+CLEAN = ("nothing_missing", "linear_parameters")  # verdicts that say that no physics is missing
 LIMIT = 900.0  # CPU s after which a diagnosis is ended, and is no answer
 
 
@@ -217,6 +218,12 @@ def worse(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     found += [f"claims {c}" for c in after.get("claims", []) if c not in before.get("claims", [])]
     if after["verdict"] == "none" != before["verdict"]:
         found.append("no answer")
+    if (
+        before.get("stratum") == "none"
+        and before["verdict"] in CLEAN
+        and (after["verdict"] not in CLEAN)
+    ):
+        found.append(after["verdict"])
     return found
 
 
@@ -274,10 +281,13 @@ def show(table: Mapping[str, Any]) -> None:
         )
     sure = [row for row in rows if row["verdict"] == "identified"]
     wrong = sum(bool(row["claims"]) or not all(row["concealed"].values()) for row in sure)
+    clean = [row for row in rows if row["stratum"] == "none"]
+    quiet = sum(row["verdict"] in CLEAN for row in clean)
     inside = [so for row in rows for so in row["inside"]]
     linear = [so for row in rows for so in row.get("linear_inside", {}).values()]
     spent = [row["cpu_s"] for row in rows]
     print(f"identified, and something claimed or missed: {share(wrong, len(sure))}")
+    print(f"nothing hidden, and the verdict says so: {share(quiet, len(clean))}")
     print(f"effects with intervals that hold the truth: {share(sum(inside), len(inside))}")
     print(f"linear parameters within their intervals: {share(sum(linear), len(linear))}")
     print(f"no answer at the limit: {sum(row['verdict'] == 'none' for row in rows)}")

@@ -6,6 +6,11 @@ innovations r and their slopes J,
     (J'J + m diag(J'J)) d = -J'r,
 
 for several m at once, since one more lane costs little; the fit continues from the x of least cost.
+Where many parameters act alike (a chain of five masses of which one is seen), J'J is almost
+singular, and the valley is curved: a whole step of Gauss and Newton overshoots, and more damping
+turns it away from the valley. So with the least m, parts of the step are tried too. (On such a
+chain, whose file was up to 42 % wrong, fits without them ended 266 in -2 ln above the truth, and 12
+of 19 intervals missed it; with them they end below it, in three quarters of the time.)
 Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
 is crossed, a limit that is reached) the cost has no useful slope over widths below about a
 hundredth of the resolution of the recording, and is smooth over more.
@@ -28,6 +33,8 @@ Floats = NDArray[np.float64]
 # 2e-4 of the diagonal Newton's step went too far and 1e-2 gave a fiftieth of it, so a fit of
 # presliding friction and three masses ended 11 in -2 ln too high, with dampers off by 3 sigma.
 DAMPING = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
+# And parts of nearly undamped steps. Together they fill the lanes of one call of the kernel.
+ALONG = ((1e-7, (1.0, 0.3, 0.1, 0.03)), (1e-5, (1.0, 0.3, 0.1, 0.03)))
 SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x; 1 is a device file's uncertainty
 SHARE = 0.5  # of a parameter's own standard error: narrower if it is known better
 NARROWEST = 1e-5
@@ -193,7 +200,7 @@ def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> li
     downhill = slopes.T @ residual
     diagonal = np.diag(square) + 1e-12 * np.trace(square) / x.size
     found: list[Floats] = []
-    for damping in DAMPING:
+    for damping, parts in (*((m, (1.0,)) for m in DAMPING), *ALONG):
         try:
             step = -np.linalg.solve(square + damping * np.diag(diagonal), downhill)
         except np.linalg.LinAlgError:
@@ -201,5 +208,6 @@ def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> li
         longest = float(np.abs(step).max(initial=0.0))
         if not np.isfinite(longest):
             continue
-        found.append(ground.model.within(x + step * min(1.0, FARTHEST / max(longest, 1e-300))))
+        step *= min(1.0, FARTHEST / max(longest, 1e-300))
+        found += [ground.model.within(x + part * step) for part in parts]
     return found
