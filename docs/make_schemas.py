@@ -5,6 +5,7 @@ results state what programs may rely on. A wheel has them in `zwidth/schemas`.
 """
 
 import json
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any
 
@@ -276,6 +277,8 @@ def boundary() -> Schema:
     found = msgspec.json.schema(BoundaryResult)
     for part in found["$defs"].values():
         part["additionalProperties"] = part.get("additionalProperties", False)
+        if "description" in part:  # before msgspec 0.23, as indented as in the code
+            part["description"] = cleandoc(part["description"])
     return named("boundary", "boundary --json", found)
 
 

@@ -53,9 +53,11 @@ def test_friction_of_one_of_two_recordings_is_not_that_of_both():
         ]
         with_it, without = fitted(e, True), fitted(e, False)
         assert with_it.cost.total < without.cost.total
-        said = {h.regime: h for h in held(with_it, without)}
-        assert (said["in r0"].fails or said["in r1"].fails) == fails
-        assert said["in r0"].other == "in the other recordings"
+        # One recording may tell too little of a parameter alone for the other to be asked.
+        said = [h for h in held(with_it, without) if h.regime in ("in r0", "in r1")]
+        assert said
+        assert any(h.fails for h in said) == fails
+        assert {h.other for h in said} == {"in the other recordings"}
 
 
 def test_a_step_of_the_fit_leaves_a_regime_out():
