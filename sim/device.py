@@ -287,17 +287,21 @@ def has_needed(effect: Effect, device: Device) -> bool:
     return not effect.needs or any(p.effect.name == effect.needs for p in device.physics)
 
 
-def known(effect: Effect, place: Place, device: Device) -> bool:
-    """Whether an effect need not be sought: the device has its quantity, or cannot use it."""
+def known(effect: Effect, place: Place, device: Device, file: Device | None = None) -> bool:
+    """Whether an effect need not be sought: the device has its quantity, or cannot use it.
+
+    file: the device file, if the device has effects that it lacks; None if it is the device.
+    """
     home = effect.in_interface
     if effect.sought in ("given", "learned") or not has_needed(effect, device):
         return True
     if home is not None and not effect.adds:
         (parameter,) = effect.parameters
         return getattr(device.interface, home) != parameter.neutral
-    # With a spring to ground, the recording's origin is fitted. This is the same as a constant
-    # force if that spring is linear; a force on a nonlinear spring also changes its stiffness.
-    sprung, told = device.chain.ground_spring > 0.0, effect.known_if_sprung
+    # With a spring to ground in the file, the recording's origin is fitted. This is the same as a
+    # constant force if that spring is linear; a force on a nonlinear spring also changes its
+    # stiffness.
+    sprung, told = (file or device).chain.ground_spring > 0.0, effect.known_if_sprung
     if told == "straight" and any(p.effect.name == "cubic_stiffness" and p.at == "ground"
                                   for p in device.physics):  # fmt: skip
         return False

@@ -962,3 +962,18 @@ def test_play_is_seen_of_a_device_that_waits() -> None:
     plain = judged([still], model, np.zeros(len(model.parameters)))
     plain = priced(plain)
     assert any(p.labels == {"backlash@link12"} for p in added(plain, NORMAL))
+
+
+def test_an_offset_is_sought_beside_a_spring_that_the_file_lacks() -> None:
+    """Without a spring in the file, no origin is fitted that would be the same as an offset.
+
+    Mutation: the spring that was found counts as the file's, so that only friction by direction
+    stands for the offset (the exam of 20281231).
+    """
+    spring = make_physics("ground_spring", "m1", stiffness=1.0)
+    model = Model(drive()).with_effect(spring, {"stiffness": 1.0})
+    built = model.build(np.zeros(len(model.parameters)))
+    sprung = drive().with_chain(replace(drive().chain, ground_spring=1.0))
+    for file, sought in ((drive(), True), (sprung, False)):
+        places = {(e.name, str(place)) for e, place in open_places(built, file)}
+        assert (("constant_force", "m1") in places) is sought

@@ -13,10 +13,11 @@ from zwidth.sim.place import Place, place_at
 ELSEWHERE = ("lattice", "folding")  # effects that are sought otherwise than by starts
 
 
-def open_places(device: Device) -> list[tuple[Effect, Place]]:
+def open_places(device: Device, file: Device | None = None) -> list[tuple[Effect, Place]]:
     """Return effects and places that a device does not have yet.
 
-    A place has at most one effect of a family. Effects in the device file are not sought.
+    A place has at most one effect of a family. Effects in the device file are not sought. file: as
+    in `known`.
     """
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}
     families = {(p.effect.family, p.place.acts_on) for p in device.physics if p.effect.family}
@@ -31,7 +32,7 @@ def open_places(device: Device) -> list[tuple[Effect, Place]]:
             there = place.masses_needed <= device.chain.masses.size
             taken = (effect.name, place.acts_on) in present
             akin = (effect.family, place.acts_on) in families
-            if there and not taken and not akin and not known(effect, place, device):
+            if there and not taken and not akin and not known(effect, place, device, file):
                 found.append((effect, place))
     return found
 

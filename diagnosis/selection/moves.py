@@ -161,7 +161,7 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
     """Yield effects that explain more than `least` in views, and play that a scan finds."""
     device = h.model.build(h.x)
-    where = open_places(device)
+    where = open_places(device, h.model.nominal)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
     for seen in views:
@@ -257,7 +257,7 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
         bare = model.build(x)
-        for effect, place in open_places(bare):
+        for effect, place in open_places(bare, h.model.nominal):
             if effect.name not in physics.effect.contains or place.acts_on != physics.place.acts_on:
                 continue
             groups = starts_at([(effect, place)], sizes, far=True)
@@ -282,7 +282,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         model, x = h.model.less(h.x, i)
         held = [
             (effect, place)
-            for effect, place in open_places(model.build(x))
+            for effect, place in open_places(model.build(x), h.model.nominal)
             if _shares(effect, physics.effect)
             and (place.acts_on == physics.place.acts_on or _moves_all(effect))
         ]
@@ -324,7 +324,7 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             continue
         model, x = h.model.less(h.x, j)
         model, x = model.less(x, i)
-        for effect, place in open_places(model.build(x)):
+        for effect, place in open_places(model.build(x), h.model.nominal):
             if place.acts_on == one.place.acts_on and _like_both(effect, one.effect, other.effect):
                 (starts,) = starts_at([(effect, place)], sizes, far=True).values()
                 alike = [*_as_strong(starts, one), *_as_strong(starts, other)]
@@ -356,7 +356,10 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             continue
         model, x = h.model.less(h.x, j)
         model, x = model.less(x, i)
-        room = {(effect.name, place.acts_on) for effect, place in open_places(model.build(x))}
+        room = {
+            (effect.name, place.acts_on)
+            for effect, place in open_places(model.build(x), h.model.nominal)
+        }
         there = ((one.effect.name, other.place.acts_on), (other.effect.name, one.place.acts_on))
         if not room.issuperset(there):
             continue
@@ -388,7 +391,7 @@ def replaced(index: int) -> Move:
             under, x, explained = _without(h, model, at, None)
         seen = view(under, model, x, own=True)
         sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-        where = open_places(device)
+        where = open_places(device, h.model.nominal)
         (near, _), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
         starts = _together(
             _together(near, shown_starts(seen)), [s for g in far.values() for s in g]
