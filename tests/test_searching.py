@@ -973,7 +973,7 @@ def test_an_offset_is_sought_beside_a_spring_that_the_file_lacks() -> None:
     spring = make_physics("ground_spring", "m1", stiffness=1.0)
     model = Model(drive()).with_effect(spring, {"stiffness": 1.0})
     built = model.build(np.zeros(len(model.parameters)))
-    sprung = drive().with_chain(replace(drive().chain, ground_spring=1.0))
+    sprung = drive().with_chain(make_chain([2e-3, 1.5e-3], [2e-3, 1e-3], 1.0, [40.0], [0.02]))
     for file, sought in ((drive(), True), (sprung, False)):
         places = {(e.name, str(place)) for e, place in open_places(built, file)}
         assert (("constant_force", "m1") in places) is sought
