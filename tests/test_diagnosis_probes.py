@@ -141,7 +141,7 @@ def test_a_cube_is_told_from_a_square():
     assert instead_by_law(*square_found(single().with_physics(square))) is None
 
 
-def test_a_cube_that_hardly_shows_is_only_mentioned():
+def test_a_cube_that_hardly_shows_is_a_rival():
     """Three to five sigma. Mutation that breaks it: nothing is said below five."""
     other = cubed(5e-3)
     assert other is not None

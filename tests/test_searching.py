@@ -968,7 +968,7 @@ def test_an_offset_is_sought_beside_a_spring_that_the_file_lacks() -> None:
     """Without a spring in the file, no origin is fitted that would be the same as an offset.
 
     Mutation: the spring that was found counts as the file's, so that only friction by direction
-    stands for the offset (the exam of 20281231).
+    stands for the offset (a rig of seed 20281232).
     """
     spring = make_physics("ground_spring", "m1", stiffness=1.0)
     model = Model(drive()).with_effect(spring, {"stiffness": 1.0})

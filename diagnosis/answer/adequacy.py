@@ -10,9 +10,9 @@ gain L and the whitening filters W,
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
 where w has the covariance of the recordings' one-step errors, and follows the command where these
-do (`noise.loudness`). The answer's free runs on y are then
-computed as on the recording. Let T be the log rms error over runs of one length, and T_i the same
-for each of R draws. The answer is adequate if for all lengths
+do (`noise.loudness`). The answer's free runs on y are then computed as on the recording. Let T be
+the log rms error over runs of one length, and T_i the same for each of R draws. The answer is
+adequate if for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
