@@ -149,6 +149,28 @@ def test_a_cube_that_hardly_shows_is_a_rival():
     assert float(other.follows.split()[2]) == pytest.approx(3.0, abs=0.3)
 
 
+def test_a_cube_is_told_from_a_square_and_a_friction_that_rises():
+    """Together they come near it, with one number more than it has.
+
+    Mutation that breaks it: a first look at the cube with the noise of these two alone, under which
+    it costs hundreds more than in the end.
+    """
+    values: dict[str, Any] = {"level": 2e-2, "power": 3.0, "speed": 20.0}
+    truth = single().with_physics(Physics(power_drag, "m1", values))
+    problem, linear = refit(single(), [record(truth, 5.0, seed=21)])
+    square = make_physics("quadratic_drag", "m1", coefficient=2e-5)
+    slow = {"level": 1e-3, "static_level": 1e-3, "velocity": 5.0}
+    model = Model(
+        single(),
+        (square, make_physics("rising_friction", "m1", **slow)),
+        ({"coefficient": 2e-5}, {"level": 1e-3, "static_level": 1e-3, "velocity": 1e-3}),
+    )
+    other = instead_by_law(*settle(problem.experiments, model, np.append(linear.x, np.zeros(4))))
+    assert other is not None
+    assert float(other.follows.split()[2]) == pytest.approx(3.0, abs=0.3)
+    assert other.name == "quadratic_drag at m1 and rising_friction at m1"
+
+
 def test_a_stop_is_told_from_a_spring_that_stiffens():
     """A spring met on one side; and a cubic spring stays one.
 

@@ -48,7 +48,7 @@ BY_POSITION = (
     "hysteresis@ground",
 )
 MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
-LOOK = 4  # rounds of a first fit of each
+TURNS, LOOK = 2, 4  # choices of the noise for a first fit, and rounds of fitting with each
 JUDGED = 3  # most likely probes, which are fitted to the end
 HOPE = 100.0  # in -2 ln, by which a first look may exceed the cost that a final fit must undercut
 DEPTH = 1e-4  # of the travel, by which a stop must be pressed
@@ -83,7 +83,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     for probe in probes:
         model, x = _exchanged(final, probe)
         with suppress(NoObserver):
-            cost, x, _ = fitted_in_turn(experiments, model, x, near, 1, LOOK)
+            cost, x, _ = fitted_in_turn(experiments, model, x, near, TURNS, LOOK)
             looked.append((cost + price * x.size, probe, model, x))
     likely = sorted((one for one in looked if one[0] < least + HOPE), key=lambda one: one[0])
     for _, probe, model, x in likely[:JUDGED]:
