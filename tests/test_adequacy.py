@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.answer import adequacy as judging
+from zwidth.diagnosis.answer import knowing_events as knowing
 from zwidth.diagnosis.answer import stands
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
+from zwidth.diagnosis.answer.knowing_events import knowing_events
 from zwidth.diagnosis.answer.stands import standing, what_stands
 from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
+from zwidth.diagnosis.learning.event_force import Happened
+from zwidth.diagnosis.learning.events import Peak, Source
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, as_far_as
 from zwidth.diagnosis.noise.predictor import (
@@ -174,6 +178,39 @@ def test_of_no_effect_it_is_asked_too_what_the_next_sample_shows(
     assert stood.by is second
     assert asked[-1].final.model.effects == ()
     assert asked[-1].problem.observer.whitening is not None
+
+
+def test_what_goes_on_into_held_out_data_may_be_an_effect_that_only_these_show(
+    rubbed: Taken, found: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A limit that was reached about the end of the fitted part was called a hand.
+
+    Mutations that break it: effects asked only for what begins after the cut; all that was
+    recorded searched only where the answer over the fitted part leaves something.
+    """
+    cut = rubbed.fit_on[0].ticks
+    asked: list[int] = []
+    monkeypatch.setattr(knowing, "_with_a_name", lambda *a: asked.append(a[2][0].ticks) or a[0])
+    monkeypatch.setattr(knowing, "_anew", lambda found, *_: found)
+    monkeypatch.setattr(knowing, "all_said", lambda *_: ())
+    for first, last, shown in ((-50, -10, False), (-50, 50, True), (50, 90, True)):
+        peak = Peak(0, Source("m1"), cut + first, last - first, 300.0)
+        once = Happened(0, peak.source, peak.first, peak.last, np.zeros(last - first), np.eye(1),
+                        300.0, (0.0, 0.0))  # fmt: skip
+        monkeypatch.setattr(knowing, "_peak", lambda *_, peak=peak: peak)
+        monkeypatch.setattr(knowing, "_happened", lambda *_, once=once: (once,))
+        asked.clear()
+        _, answer, _ = knowing_events(rubbed, found, lambda _: None)
+        assert answer.later is shown
+        assert asked == ([rubbed.whole[0].ticks] if shown else [])
+    looked: list[int] = []
+    monkeypatch.setattr(
+        stands, "second_look", lambda *a: (looked.append(a[2][0].ticks), (a[0], a[1], None))[1]
+    )
+    search = Searches(lambda _: found)
+    for later in (False, True):
+        what_stands(drive(), rubbed, replace(found, later=later), search, lambda _: None)
+        assert looked == [rubbed.whole[0].ticks] * later
 
 
 def test_a_force_whose_answer_overflows_explains_nothing(found: Searched) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fitting_examples import drive, recording
 
-from zwidth.diagnosis.answer.regimes import held, regimes, step_without
+from zwidth.diagnosis.answer.regimes import foretold_by_rest, held, regimes, step_without
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
@@ -45,8 +45,8 @@ def test_friction_of_one_of_two_recordings_is_not_that_of_both():
 
     Mutation that breaks it: the regime left in the fit (`dx` zero).
     """
-    brake = drive().with_physics(make_physics("coulomb_friction", "m1", level=3e-3))
-    for truths, fails in (((brake, drive()), True), ((brake, brake), False)):
+    for levels, fails in (((6e-3, 0.0), True), ((3e-3, 3e-3), False)):
+        truths = [drive().with_physics(replace(FRICTION, values={"level": v})) for v in levels]
         e = [
             replace(recording(truth, TICKS, 3 + 2 * i), name=f"r{i}")
             for i, truth in enumerate(truths)
@@ -75,9 +75,36 @@ def test_a_step_of_the_fit_leaves_a_regime_out():
     slopes, samples, problem = both.slopes, both.samples, both.problem
     assert slopes is not None
     rows, prior = both.residual[:samples, None], (both.residual[samples:], slopes[samples:])
-    dx = step_without(rows, slopes[:samples, None, :], prior, second.where)
+    found = step_without(rows, slopes[:samples, None, :], prior, second.where)
     alone = fit(Problem(problem.experiments[:1], problem.observer), both.model, both.x)
-    assert dx is not None
+    assert found is not None
+    dx = found[0]
     size = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert dx / size == pytest.approx((alone.x - both.x) / size, abs=0.3)
     assert np.abs(dx / size).max() > 0.4
+
+
+@pytest.mark.parametrize("told", [1.0, 0.1])
+def test_what_the_rest_predicts_is_a_density(told: float):
+    """-2 log of p(regime | rest) is that of all over that of the rest, for any linear model.
+
+    Here the mean of normal numbers with a wide prior, of which the rest has more or fewer than the
+    regime. Mutations that break it: u' u in place of u' C^-1 u; without log det C.
+    """
+    random = np.random.default_rng(4)
+    y = random.standard_normal(40) + 0.3
+    where = np.arange(40) >= 40 * told / (1.0 + told)
+    prior = np.zeros(1), np.full((1, 1), 1e-2)
+    best = y.sum() / (40 + 1e-4)
+    rows, slopes = (best - y)[:, None], np.ones((40, 1, 1))
+    found = foretold_by_rest(rows, slopes, (prior[1][:, 0] * best, prior[1]), where)
+
+    def evidence(part: np.ndarray) -> float:
+        information = part.size + 1e-4
+        left = float(np.sum(part**2) - part.sum() ** 2 / information)
+        return left + float(np.log(information / 1e-4))
+
+    assert found is not None
+    assert found.costs.sum() == pytest.approx(evidence(y) - evidence(y[~where]), rel=1e-9)
+    mean = y[~where].sum() / ((~where).sum() + 1e-4)
+    np.testing.assert_allclose(found.errors[:, 0], mean - y[where], rtol=1e-9)

@@ -65,7 +65,7 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
     with suppress(NoObserver):
         taken = _with_losses(taken, found)
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
-        later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
+        later = peak is not None and taken.whole_unopened and _goes_beyond(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
         if (apart and peak is not None) or (later and known):
@@ -74,7 +74,8 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
         if named is not None:
             if not later:
                 return taken, _searched_on(found, named, say), ()
-            known = ()  # an effect that only held-out data show is left to the second look
+            # An effect that only held-out data show is left to the search of all recorded data.
+            known, found = (), replace(found, later=True)
         for one in known:
             e = _every(taken)[one.recording]
             say(f"one-time event found at {e.begins + one.first * e.period:.3g} s")
@@ -101,10 +102,16 @@ def _every(taken: Taken) -> tuple[Experiment, ...]:
     return (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
 
 
-def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
-    """Whether an event at a tick of all recorded data is in the fitted part."""
+def _in_fit(one: Happened, taken: Taken) -> bool:
+    """Whether an event at a tick of all recorded data begins in the fitted part."""
     own = one.recording
     return own < len(taken.whole) and one.first < taken.fit_on[own].ticks
+
+
+def _goes_beyond(peak: Peak, taken: Taken) -> bool:
+    """Whether a stretch of all recorded data ends after the part that the search has seen."""
+    own = peak.recording
+    return own >= len(taken.whole) or peak.last > taken.fit_on[own].ticks
 
 
 def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:

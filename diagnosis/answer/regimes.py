@@ -8,10 +8,16 @@ travel), and a fit to the rest must predict it.
 Let r be the weighted innovations and priors at the best x, and J their slopes. A fit to the rest q,
 without the samples of a regime s, differs by one Gauss-Newton step
 
-    dx = -(J_q' J_q)^-1 J_q' r_q,    so that    r_s + J_s dx
+    dx = -(J_q' J_q)^-1 J_q' r_q,    so that    u = r_s + J_s dx
 
-is the error in the regime if it had no part in the fit. An effect holds in a regime unless a model
-without it, treated the same way, is believed over it there (`selection.evidence`).
+is the error in the regime if it had no part in the fit. dx scatters: of a true model u has the
+covariance C = 1 + J_s (J_q' J_q)^-1 J_s', which is large where the rest tells little. Its cost, -2
+log of the density that the rest predicts, is
+
+    u' C^-1 u + log det C,    C^-1 u = u - J_s (J' J)^-1 J_s' u,    det C = det J'J / det J_q'J_q.
+
+An effect holds in a regime unless a model without it, treated the same way, is believed over it
+there (`selection.evidence`).
 
 Limits: only one step is made. So a regime that alone determines a parameter (such as the level of
 friction in one direction) is skipped; J_q'J_q is then nearly singular relative to J'J.
@@ -19,6 +25,7 @@ friction in one direction) is skipped; J_q'J_q is then nearly singular relative 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,19 +103,31 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
     """Compare fitted hypotheses in each regime that does not alone determine a parameter."""
     found: list[Held] = []
     for regime in regimes(new.experiments):
-        costs = [_left_out(h, regime.where) for h in (new, old)]
-        if costs[0] is None or costs[1] is None:
+        own, less = (_left_out(h, regime.where) for h in (new, old))
+        if own is None or less is None:
             continue
         blocks = EVIDENCE.blocks // 2  # a regime is about a half
-        gains = [part.sum() for part in np.array_split(costs[1] - costs[0], blocks)]
-        told = compared(np.array(gains))
+        apart = np.sum((own.errors - less.errors) * (own.weighed - less.weighed), axis=1)
+        gains, foretold = (
+            np.array([part.sum() for part in np.array_split(each, blocks)])
+            for each in (less.costs - own.costs, apart)
+        )
+        told = compared(gains, foretold)
         fails = -told.gain > 2.0 * told.phi * np.log(1.0 / ALPHA)
         found.append(Held(regime.name, regime.other, told.sigma, bool(fails)))
     return found
 
 
-def _left_out(h: Hypothesis, where: Where) -> Floats | None:
-    """-2 log likelihood (ticks of the regime,) for a fit to the rest; None if undetermined."""
+class Foretold(NamedTuple):
+    """A regime as a fit to the rest predicts it: costs (ticks,), u and C^-1 u (ticks, o)."""
+
+    costs: Floats
+    errors: Floats
+    weighed: Floats
+
+
+def _left_out(h: Hypothesis, where: Where) -> Foretold | None:
+    """The regime as a fit to the rest predicts it, None if that is undetermined."""
     if h.slopes is None:
         return None
     o = h.noise.observer.deviation.size
@@ -121,23 +140,36 @@ def _left_out(h: Hypothesis, where: Where) -> Floats | None:
     root = np.linalg.inv(np.linalg.cholesky(covariance / counts))
     rows = rows @ root.T
     slopes = np.einsum("pq,kqx->kpx", root, slopes.reshape(-1, o, h.x.size))
-    dx = step_without(rows, slopes, (h.residual[samples:], h.slopes[samples:]), where)
-    if dx is None:
-        return None
-    inside = slopes[where].reshape(-1, h.x.size)
-    left = rows[where] + (inside @ dx).reshape(-1, o)
+    prior = h.residual[samples:], h.slopes[samples:]
+    found = foretold_by_rest(rows, slopes, prior, where)
     divided = float(h.noise.observer.cost_of(covariance[None], 1)[0])
-    return np.sum(left**2, axis=1) + divided
+    return None if found is None else found._replace(costs=found.costs + divided)
+
+
+def foretold_by_rest(
+    rows: Floats, slopes: Floats, prior: tuple[Floats, Floats], where: Where
+) -> Foretold | None:
+    """Return a regime as a fit to the rest predicts it, None if the rest does not determine it.
+
+    rows (ticks, o): white residuals; slopes (ticks, o, p); prior: residuals (k,) and slopes (k, p)
+    of the priors. log det C is divided among the ticks.
+    """
+    found = step_without(rows, slopes, prior, where)
+    if found is None:
+        return None
+    dx, whole, left = found
+    inside = slopes[where].reshape(-1, dx.size)
+    errors = rows[where].ravel() + inside @ dx
+    weighed = errors - inside @ np.linalg.solve(whole, inside.T @ errors)
+    errors, weighed = (each.reshape(-1, rows.shape[1]) for each in (errors, weighed))
+    spread = float(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(left)[1])
+    return Foretold(np.sum(errors * weighed, axis=1) + spread / len(errors), errors, weighed)
 
 
 def step_without(
     rows: Floats, slopes: Floats, prior: tuple[Floats, Floats], where: Where
-) -> Floats | None:
-    """Return dx (p,) of a fit without a regime; None if the rest does not determine it.
-
-    rows (ticks, o): white residuals; slopes (ticks, o, p); prior: residuals (k,) and slopes (k, p)
-    of the priors.
-    """
+) -> tuple[Floats, Floats, Floats] | None:
+    """Return dx (p,) of a fit without a regime, and J'J and J_q'J_q with the priors."""
     every, rest = (part.reshape(-1, slopes.shape[2]) for part in (slopes, slopes[~where]))
     about = prior[1].T @ prior[1]
     whole, left = every.T @ every + about, rest.T @ rest + about
@@ -145,4 +177,4 @@ def step_without(
     if eigh(left, whole, eigvals_only=True).min() < TOLD:
         return None
     downhill = -(rest.T @ rows[~where].ravel() + prior[1].T @ prior[0])
-    return np.asarray(np.linalg.solve(left, downhill), dtype=np.float64)
+    return np.asarray(np.linalg.solve(left, downhill), dtype=np.float64), whole, left

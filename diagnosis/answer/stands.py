@@ -83,36 +83,61 @@ def what_stands(
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
-    if not found.interrupted and _unexplained(found, left, other, sound):
-        stood, found = found, found if found.far else farther(device, found, say)
-        second = found.beside
-        if found.final is not stood.final and second is not None:
-            found, second = (
-                second,
-                found,
-            )  # the earlier answer, with `far` noted
-        # Neither answer explains everything, so the better one is reported.
-        if second is not None and runs_freer(second, found, taken.judge_by):
-            say(f"better on held-out data: {second.final.model.label}")
-            again, how = standing(device, taken, second, say)
-            if again is second or not found.final.model.effects:  # second was not rejected itself
-                found, sound = again, how
-                # An answer without effects must leave nothing from sample to sample, too.
-                own = found if found.final.model.effects else unnamed(found)
-                left, other = _what_is_left(own, taken)
-    by, faults = found, taken.faults
-    if taken.whole_unopened and named_only_whole(found, left, other, sound):
-        with isolated("search", "all that was recorded"):
-            again, beyond, note = second_look(found, left, taken.whole, search, say)
-            if note is not None:
-                by, faults = on_first_part(again), (*faults, note)
-                taken = _knowing_losses(asked, by)
-                sound = attempt("adequacy", "", partial(held_adequacy, device, by, taken))
-            found, left = again, beyond
-    if changes and not (changes := outlived(changes, found)):
-        taken = _knowing_losses(before, found)  # `taken` was cut for the changes
-    halted = halted or found.interrupted
-    return Stands(found, by, taken, sound, left, other, changes, faults, halted)
+    there = Stands(found, found, taken, sound, left, other, changes, taken.faults, halted)
+    if found.later:
+        there = _all_searched(device, asked, there, search, say)
+    named = there.found is not found
+    if not (named or found.interrupted) and _unexplained(found, left, other, sound):
+        there = _farther_stands(device, there, say)
+        if named_only_whole(there.found, there.left, there.other, there.sound):
+            there = _all_searched(device, asked, there, search, say)
+    if changes and not (changes := outlived(changes, there.found)):
+        there = replace(there, taken=_knowing_losses(before, there.found))  # it was cut for them
+    return replace(there, changes=changes, halted=halted or there.found.interrupted)
+
+
+def _farther_stands(device: Device, before: Stands, say: Say) -> Stands:
+    """The better of two answers on held-out data: as it was, and over a longer horizon."""
+    stood, taken, sound = before.found, before.taken, before.sound
+    left, other = before.left, before.other
+    found = stood if stood.far else farther(device, stood, say)
+    second = found.beside
+    if found.final is not stood.final and second is not None:
+        found, second = second, found  # the earlier answer, with `far` noted
+    # Neither answer explains everything, so the better one is reported.
+    if second is not None and runs_freer(second, found, taken.judge_by):
+        say(f"better on held-out data: {second.final.model.label}")
+        again, how = standing(device, taken, second, say)
+        if again is second or not found.final.model.effects:  # second was not rejected itself
+            found, sound = again, how
+            # An answer without effects must leave nothing from sample to sample, too.
+            own = found if found.final.model.effects else unnamed(found)
+            left, other = _what_is_left(own, taken)
+    return replace(before, found=found, by=found, sound=sound, left=left, other=other)
+
+
+def _all_searched(
+    device: Device, asked: Taken, before: Stands, search: Searches, say: Say
+) -> Stands:
+    """The answer of a search of all recorded data if that names more (`second_look`).
+
+    asked: the recordings without the commands that an answer calls lost.
+    """
+    if not before.taken.whole_unopened:
+        return before
+    with isolated("search", "all that was recorded"):
+        whole = before.taken.whole
+        again, left, note = second_look(before.found, before.left, whole, search, say)
+        if note is None:
+            return replace(before, found=again, left=left)
+        by = on_first_part(again)
+        taken = _knowing_losses(asked, by)
+        sound = attempt("adequacy", "", partial(held_adequacy, device, by, taken))
+        faults = (*before.faults, note)
+        return replace(
+            before, found=again, by=by, taken=taken, sound=sound, left=left, faults=faults
+        )
+    return before
 
 
 def _unexplained(

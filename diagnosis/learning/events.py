@@ -90,6 +90,11 @@ class Peak(NamedTuple):
     ticks: int
     gain: float
 
+    @property
+    def last(self) -> int:
+        """The first tick after it."""
+        return self.first + self.ticks
+
 
 @dataclass(frozen=True)
 class Chance:

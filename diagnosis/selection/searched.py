@@ -55,7 +55,8 @@ class Searched:
     problem: the recordings with the noise of the best hypothesis; judge: the most likely observer
     of the answer, for held-out data. held: whether free runs on the fitted recordings err no more
     than the noise predicts. far: whether a longer horizon was tried. near: the answer by one-step
-    errors, if the longer horizon decided. beside: the answer over the other horizon.
+    errors, if the longer horizon decided. beside: the answer over the other horizon. later: whether
+    one more effect explains held-out data that look like an event.
     """
 
     problem: Problem
@@ -67,6 +68,7 @@ class Searched:
     far: bool = False
     near: Hypothesis | None = None
     beside: "Searched | None" = None
+    later: bool = False
 
     @property
     def interrupted(self) -> bool:
