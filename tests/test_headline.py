@@ -155,7 +155,8 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.RIVALS: answer(rival),
         Reason.IMPROBABLE: answer(replace(FRICTION, with_richer=0.94)),
         Reason.DOUBTED: answer(FRICTION, left=Left(0.0, "", hint="it may be another"), refit=moved),
-        Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved),
+        Reason.TOUCHED: answer(FRICTION, contacts=2),
+        Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved, contacts=1),
         Reason.LAW: answer(free=stray, law=law),
         Reason.STRAY: answer(free=stray, refit=moved),
         Reason.LINEAR: answer(refit=moved),
@@ -164,6 +165,9 @@ def test_a_reason_decides_and_the_first_counts():
     assert list(every) == list(Reason)
     assert [reason(facts) for facts in every.values()] == list(Reason)
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
+    assert every[Reason.TOUCHED].verdict is Verdict.CONFUSABLE
+    assert "2 contacts" in headline(every[Reason.TOUCHED])
+    assert "unless somebody touched the device" in why(every[Reason.TOUCHED])
     assert answer(sound=WEAK).verdict is Verdict.UNKNOWN_PHYSICS
     assert answer(FRICTION, sound=replace(SOUND, better=0.5)).verdict is Verdict.UNKNOWN_PHYSICS
     assert all(why(facts) for because, facts in every.items() if facts.law is None

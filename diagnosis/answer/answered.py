@@ -9,7 +9,7 @@ from zwidth.diagnosis.answer.augmented import improved
 from zwidth.diagnosis.answer.band import with_band
 from zwidth.diagnosis.answer.changes import outlived
 from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
-from zwidth.diagnosis.answer.events import Event
+from zwidth.diagnosis.answer.events import CONTACTS, Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
@@ -76,6 +76,7 @@ def answered(
     facts = Facts(
         findings, refit, stands.left, stands.other, stands.sound, free, bad, level,
         lost=" and ".join(lost), faults=stands.faults, masses=device.chain.masses.size,
+        contacts=sum(event.kind in CONTACTS for event in events),
     )  # fmt: skip
     with stage("an unnamed law"):
         law, instead, halted = _law(device, stands, facts, say)

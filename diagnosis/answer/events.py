@@ -33,6 +33,7 @@ AT_AN_END = 0.03  # of the travel: how far from its end a stop may be
 MEAN_S = 0.02  # the largest force, and the speed beside it, are means over this time
 PICTURE_S = 0.3  # about an event, in a picture
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
+CONTACTS = HIT, TOUCH, PUSH  # by somebody, who knows of it
 
 
 @dataclass(frozen=True)

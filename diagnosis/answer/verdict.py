@@ -41,6 +41,7 @@ class Reason(Enum):
     RIVALS = "other effects explain the recording equally well"
     IMPROBABLE = "a named effect is not probable enough"
     DOUBTED = "a law outside the library is likelier than a named effect, by less than five sigma"
+    TOUCHED = "more than one contact was set apart, which a law outside the library may have caused"
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains the recording"
     STRAY = "no effect is named, and errors of free runs are larger than noise predicts"
@@ -61,12 +62,19 @@ VERDICTS = {
     Reason.RIVALS: Verdict.CONFUSABLE,
     Reason.IMPROBABLE: Verdict.CONFUSABLE,
     Reason.DOUBTED: Verdict.CONFUSABLE,
+    Reason.TOUCHED: Verdict.CONFUSABLE,
     Reason.NAMED: Verdict.IDENTIFIED,
     Reason.LINEAR: Verdict.LINEAR_PARAMETERS,
     Reason.NOTHING: Verdict.NOTHING_MISSING,
 }
 # Unless a law is better.
-NAMES_STAND = (Reason.RIVALS, Reason.IMPROBABLE, Reason.DOUBTED, Reason.NAMED)
+NAMES_STAND = (
+    Reason.RIVALS,
+    Reason.IMPROBABLE,
+    Reason.DOUBTED,
+    Reason.TOUCHED,
+    Reason.NAMED,
+)
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,8 @@ class Facts:
     findings, other: unknown physics in their place; sound, free: results on held-out data; bad: why
     the fit is not acceptable, "" if it is; level: another level to record; law: a learned law,
     instead: whether it explains more than the named effects; lost: results that an error prevented,
-    "" for none; masses: number in the device's chain.
+    "" for none; masses: number in the device's chain; contacts: number of forces from outside that
+    acted once.
     """
 
     findings: Sequence[Finding]
@@ -113,6 +122,7 @@ class Facts:
     lost: str = ""
     faults: Sequence[Fault] = ()
     masses: int = 1
+    contacts: int = 0
 
     @property
     def verdict(self) -> Verdict:
@@ -192,4 +202,6 @@ def _of_names(f: Facts) -> Reason:
         return Reason.RIVALS
     if f.doubtful is not None:
         return Reason.IMPROBABLE
-    return Reason.DOUBTED if f.left.hint else Reason.NAMED
+    if f.left.hint:
+        return Reason.DOUBTED
+    return Reason.TOUCHED if f.contacts > 1 else Reason.NAMED

@@ -222,6 +222,11 @@ def _headline(f: Facts, because: Reason) -> str:
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.DOUBTED:
             return f"{names} {is_} missing, but {f.left.hint}"
+        case Reason.TOUCHED:
+            return (
+                f"{names} {is_} missing, unless what looks like {f.contacts} contacts is one law"
+                " that is not in the library of effects"
+            )
         case Reason.LOST:
             return f"undecided: an internal error prevented {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
@@ -392,6 +397,12 @@ def why(f: Facts) -> str:
             )
         case Reason.DOUBTED:
             told = f"{f.left.hint}; five sigma are required to prefer it"
+        case Reason.TOUCHED:
+            told = (
+                f"{f.contacts} forces that acted once were set apart; unless somebody touched the"
+                " device then, a law that is not in the library acts, and the named effects may"
+                " stand for part of it"
+            )
         case Reason.STRAY:
             told = (
                 f"{error}, but measurement noise alone would cause {percent(free.noise_floor)}: the"
