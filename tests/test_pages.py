@@ -181,8 +181,8 @@ SAME: dict[str, tuple[tuple[str, str], ...]] = {
         ("docs/evidence.md", r"\| nothing \| (\d+) \|"),
     ),
     "answers called identified": (
-        ("README.md", r"Of its (\d+) answers with the verdict `identified`, 4"),
-        ("docs/evidence.md", r"Of (\d+) answers with `identified`, 4 had"),
+        ("README.md", r"Of its (\d+) answers with the verdict `identified`, 2"),
+        ("docs/evidence.md", r"Of (\d+) answers with `identified`, 2 had"),
     ),
 }
 
