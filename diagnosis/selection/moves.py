@@ -158,6 +158,11 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     yield from _more(h, effort, _views(h), NO_SIGN)
 
 
+def nearest(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one more effect that stands out with the hypothesis's own noise."""
+    yield from _more(h, effort, itertools.islice(_views(h), 1), NO_SIGN)
+
+
 def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
     """Yield effects that explain more than `least` in views, and play that a scan finds."""
     device = h.model.build(h.x)

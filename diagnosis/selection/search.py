@@ -45,6 +45,7 @@ from zwidth.diagnosis.selection.moves import (
     added,
     glanced,
     merged,
+    nearest,
     removed,
     replaced,
     showing,
@@ -76,15 +77,19 @@ class Moves:
     """The moves of a search: to add an effect, to replace a hypothesis, to replace an effect.
 
     glancing: moves to add, tried first; last: tried once nothing else is believed. apart: returns
-    the recordings of a hypothesis without an apparent event, None if there is none.
+    the recordings of a hypothesis without an apparent event, None if there is none. quiet: whether
+    chance explains the free runs of the best; then nothing is left that only a longer horizon
+    shows, and `near` is tried in place of `adding`.
     """
 
     adding: Sequence[Move] = (added,)
+    near: Sequence[Move] = (nearest,)
     last: Sequence[Move] = (stepped,)
     glancing: Sequence[Move] = (glanced,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
     apart: Apart | None = None
+    quiet: "Callable[[Search], bool] | None" = None
 
 
 @dataclass
@@ -412,6 +417,8 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
     """
     moves = found.moves
     for asked in (moves.glancing if found.clear else (), moves.adding, moves.last):
+        if asked is moves.adding and moves.quiet is not None and moves.quiet(found):
+            asked = moves.near
         proposals = [p for h in beam for move in asked for p in _proposed(move, h, found.effort)]
         new = fitted(found, proposals, found.effort.ended)
         if not new:
@@ -423,7 +430,7 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
             accepted = found.slower.first(accepted)
         if accepted and found.best.has_valleys:
             accepted = _ahead_from_there(found, accepted)
-        if not accepted and asked is moves.adding:
+        if not accepted and asked in (moves.adding, moves.near):
             accepted = _in_place_of(found, new[0])
         if accepted:
             return accepted

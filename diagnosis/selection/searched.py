@@ -104,17 +104,27 @@ def searched(
 
     Raises NoObserver if no observer can follow the recordings with the device.
     """
-    near = search(device, experiments, effort, say, moves)
-    first = as_found(device, near)
-    sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+    told: list[tuple[Hypothesis, Searched, Adequacy | None]] = []
+
+    def as_told(near: Search) -> tuple[Searched, Adequacy | None]:
+        if not told or told[0][0] is not near.best:
+            found = as_found(device, near)
+            sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
+            told[:] = [(near.best, found, sound)]
+        return told[0][1:]
+
+    def quiet(near: Search) -> bool:
+        found, sound = as_told(near)
+        return sound is not None and sound.sound and sound.runs >= TELLING and not _strays(found)
+
+    near = search(device, experiments, effort, say, replace(moves, quiet=quiet))
+    first, sound = as_told(near)
     fails = sound is not None and not sound.sound
     if fails and not near.interrupted and from_afar(near):
-        first = as_found(device, near)
-        sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+        first, sound = as_told(near)
     asked = not near.interrupted and (_doubtful(near) or _strays(first))
     if asked and two_at_once(near):
-        first = as_found(device, near)
-        sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+        first, sound = as_told(near)
     if near.interrupted:
         return first
     if sound is not None and sound.sound:
