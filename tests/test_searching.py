@@ -816,6 +816,31 @@ def test_a_damper_that_was_guessed_far_too_small_is_a_damper() -> None:
     assert b1 == pytest.approx(dampers[0], rel=0.05)
 
 
+@pytest.mark.parametrize("quiet", [False, True])
+def test_what_only_a_longer_horizon_shows_is_sought_unless_free_runs_are_quiet(
+    rubbed: list[Experiment], quiet: bool
+) -> None:
+    """Mutation that breaks it: all views asked wherever the search is."""
+    asked: list[str] = []
+
+    def move(name: str) -> Move:
+        def noted(*_: object) -> Iterator[Proposal]:
+            asked.append(name)
+            return iter(())
+
+        return noted
+
+    moves = replace(
+        Moves((move("all"),), (move("last"),), (), (), lambda _: move("instead")),
+        near=(move("near"),), quiet=lambda _: quiet,
+    )  # fmt: skip
+    search(drive(), rubbed, QUICK, moves=moves)
+    assert asked == ["near" if quiet else "all", "last"]
+    asked.clear()
+    search(drive(), rubbed, QUICK, moves=replace(moves, quiet=None))
+    assert asked == ["all", "last"]
+
+
 def test_what_may_hold_a_mass_still_grows_with_what_the_command_counts(
     rubbed: list[Experiment],
 ) -> None:

@@ -83,13 +83,13 @@ class Moves:
     """
 
     adding: Sequence[Move] = (added,)
-    near: Sequence[Move] = (nearest,)
     last: Sequence[Move] = (stepped,)
     glancing: Sequence[Move] = (glanced,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
     apart: Apart | None = None
     quiet: "Callable[[Search], bool] | None" = None
+    near: Sequence[Move] = (nearest,)
 
 
 @dataclass
