@@ -159,16 +159,26 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def nearest(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one more effect that stands out with the hypothesis's own noise."""
-    yield from _more(h, effort, itertools.islice(_views(h), 1), NO_SIGN)
+    """Yield the hypothesis with one more effect that stands out with the hypothesis's own noise.
+
+    All starts are scored in this view: those of a longer horizon are of other strengths too.
+    """
+    yield from _more(h, effort, itertools.islice(_views(h), 1), NO_SIGN, every=True)
 
 
-def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
-    """Yield effects that explain more than `least` in views, and play that a scan finds."""
+def _more(
+    h: Hypothesis, effort: Effort, views: Iterable[View], least: float, every: bool = False
+) -> Iterator[Proposal]:
+    """Yield effects that explain more than `least` in views, and play that a scan finds.
+
+    every: whether starts for a longer horizon are scored in the other views, too.
+    """
     device = h.model.build(h.x)
     where = open_places(device, h.model.nominal)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
+    if every:
+        near = _together(near, [start for group in far.values() for start in group])
     for seen in views:
         starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
         count = effort.near if seen.own else effort.far
