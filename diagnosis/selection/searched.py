@@ -93,6 +93,30 @@ class Searches:
         return found
 
 
+class _Quiet:
+    """Whether chance explains the free runs of the best of a search, asked once for each best."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._last: tuple[Hypothesis, Searched, Adequacy | None] | None = None
+
+    def __reduce__(self) -> tuple[type, tuple[Device]]:
+        """What was asked last is asked anew where a result is read from a file."""
+        return _Quiet, (self._device,)
+
+    def told(self, near: Search) -> tuple[Searched, Adequacy | None]:
+        """The best as an answer, and its adequacy on the recordings that it was fitted to."""
+        if self._last is None or self._last[0] is not near.best:
+            found = as_found(self._device, near)
+            asked = partial(holds, self._device, found)
+            self._last = near.best, found, attempt("search", "how far ahead it holds", asked)
+        return self._last[1:]
+
+    def __call__(self, near: Search) -> bool:
+        found, sound = self.told(near)
+        return sound is not None and sound.sound and sound.runs >= TELLING and not _strays(found)
+
+
 def searched(
     device: Device,
     experiments: Sequence[Experiment],
@@ -104,27 +128,15 @@ def searched(
 
     Raises NoObserver if no observer can follow the recordings with the device.
     """
-    told: list[tuple[Hypothesis, Searched, Adequacy | None]] = []
-
-    def as_told(near: Search) -> tuple[Searched, Adequacy | None]:
-        if not told or told[0][0] is not near.best:
-            found = as_found(device, near)
-            sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
-            told[:] = [(near.best, found, sound)]
-        return told[0][1:]
-
-    def quiet(near: Search) -> bool:
-        found, sound = as_told(near)
-        return sound is not None and sound.sound and sound.runs >= TELLING and not _strays(found)
-
+    quiet = _Quiet(device)
     near = search(device, experiments, effort, say, replace(moves, quiet=quiet))
-    first, sound = as_told(near)
+    first, sound = quiet.told(near)
     fails = sound is not None and not sound.sound
     if fails and not near.interrupted and from_afar(near):
-        first, sound = as_told(near)
+        first, sound = quiet.told(near)
     asked = not near.interrupted and (_doubtful(near) or _strays(first))
     if asked and two_at_once(near):
-        first, sound = as_told(near)
+        first, sound = quiet.told(near)
     if near.interrupted:
         return first
     if sound is not None and sound.sound:
