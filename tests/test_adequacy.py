@@ -186,12 +186,13 @@ def test_what_goes_on_into_held_out_data_may_be_an_effect_that_only_these_show(
     """A limit that was reached about the end of the fitted part was called a hand.
 
     Mutations that break it: effects asked only for what begins after the cut; all that was
-    recorded searched only where the answer over the fitted part leaves something.
+    recorded searched only where the answer over the fitted part leaves something; the mark lost
+    where the fit is made again after a part was set apart.
     """
     cut = rubbed.fit_on[0].ticks
     asked: list[int] = []
     monkeypatch.setattr(knowing, "_with_a_name", lambda *a: asked.append(a[2][0].ticks) or a[0])
-    monkeypatch.setattr(knowing, "_anew", lambda found, *_: found)
+    monkeypatch.setattr(knowing, "_anew", lambda found, *_: replace(found, later=False))
     monkeypatch.setattr(knowing, "all_said", lambda *_: ())
     for first, last, shown in ((-50, -10, False), (-50, 50, True), (50, 90, True)):
         peak = Peak(0, Source("m1"), cut + first, last - first, 300.0)
@@ -203,6 +204,9 @@ def test_what_goes_on_into_held_out_data_may_be_an_effect_that_only_these_show(
         _, answer, _ = knowing_events(rubbed, found, lambda _: None)
         assert answer.later is shown
         assert asked == ([rubbed.whole[0].ticks] if shown else [])
+        if shown:
+            apart = replace(found, tried=replace(found.tried, apart=1))
+            assert knowing_events(rubbed, apart, lambda _: None)[1].later
     looked: list[int] = []
     monkeypatch.setattr(
         stands, "second_look", lambda *a: (looked.append(a[2][0].ticks), (a[0], a[1], None))[1]

@@ -68,6 +68,7 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
         later = peak is not None and taken.whole_unopened and _goes_beyond(peak, taken)
         known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
+        shown = False
         if (apart and peak is not None) or (later and known):
             say("possible one-time event: checking whether an effect explains it instead")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
@@ -75,14 +76,14 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
             if not later:
                 return taken, _searched_on(found, named, say), ()
             # An effect that only held-out data show is left to the search of all recorded data.
-            known, found = (), replace(found, later=True)
+            known, shown = (), True
         for one in known:
             e = _every(taken)[one.recording]
             say(f"one-time event found at {e.begins + one.first * e.period:.3g} s")
         there = _with(taken, known) if known or apart else given
         if apart or any(_in_fit(one, taken) for one in known):
             found = _anew(found, there.fit_on, say)
-        return there, found, known
+        return there, replace(found, later=shown), known
     return given, found, ()
 
 

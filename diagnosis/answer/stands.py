@@ -71,7 +71,7 @@ def what_stands(
     """Return the final answer of a search; opens the held-out data.
 
     If the answer does not explain these, effects over a longer horizon are tried too, and then all
-    recorded data are searched.
+    recorded data are searched; at once if one more effect explains what looks like an event there.
     """
     before, changes, halted = taken, (), found.interrupted
     if not halted:
