@@ -83,7 +83,7 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
         there = _with(taken, known) if known or apart else given
         if apart or any(_in_fit(one, taken) for one in known):
             found = _anew(found, there.fit_on, say)
-        return there, replace(found, later=shown), known
+        return there, replace(found, later=True) if shown else found, known
     return given, found, ()
 
 
