@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from zwidth.diagnosis.answer.events import HIT, JAM, PUSH, SLIP, STOP, TOUCH
+from zwidth.diagnosis.answer.events import HIT, JAM, PUSH, SLIP, STOP, TOUCH, UNEXPLAINED
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.learning.changing import SHAPES
 from zwidth.results import BoundaryResult
@@ -135,7 +135,7 @@ def _tables() -> Schema:
 
 ESTIMATE = closed({"value": MAYBE, "unit": TEXT, "ci95": several(MAYBE)})
 FITS = ("before", "refit", "after")
-EVENTS = (HIT, STOP, JAM, TOUCH, PUSH, SLIP)
+EVENTS = (HIT, STOP, JAM, TOUCH, PUSH, SLIP, UNEXPLAINED)
 
 
 def diagnosis() -> Schema:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import zwidth.diagnosis.answer.knowing_events as answers
 from benchmarks.events import HIT, JAM, KINDS, NOTHING, SLIP, STOP, TOUCH, T, moved
-from zwidth.diagnosis.answer.events import Event, events_in
+from zwidth.diagnosis.answer.events import Event, _opposes, events_in
 from zwidth.diagnosis.answer.knowing_events import _peak
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.learning.event_edges import Polylines
@@ -312,3 +312,16 @@ def test_what_either_answer_names_does_not_happen(monkeypatch: pytest.MonkeyPatc
     found = as_found(DEVICE, Search(sees, sees, QUICK, silent))
     for near, happens in ((None, True), (sees, True), (blind, False)):
         assert bool(_peak(sees.experiments, replace(found, near=near))) is happens
+
+
+def test_a_force_that_pushes_both_ways_is_no_contact():
+    """A contact pushes one way. Mutations that break it: one span alone is asked; no covariance."""
+    own = np.diag(np.full(6, 0.01))
+    assert not _opposes(np.array([0.0, 1.0, 3.0, 2.0, 0.0, 0.0]), own)
+    assert not _opposes(np.array([0.0, 3.0, 4.0, -1.5, 0.0, 0.0]), own)  # a fit's last tick
+    assert _opposes(np.array([0.0, 3.0, 1.0, -2.0, -1.5, 0.0]), own)
+    assert _opposes(np.array([-3.0, 0.0, 0.0, 0.0, 0.0, 2.0]), own)
+    assert not _opposes(np.array([0.0, 3.0, 1.0, -2.0, -1.5, 0.0]), 100.0 * own)
+    # Two ticks that are determined together only: 3 in one of them is 3 in the other, less.
+    pair = np.array([[4.0, -3.99], [-3.99, 4.0]])
+    assert not _opposes(np.array([5.0, -4.0]), pair)

@@ -4,6 +4,12 @@
 
 Over a tick, force times travel is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is
 held.
+
+A contact pushes one way. A short force that clearly pushes both ways (`_opposes`) is no contact, but
+readings that nothing known explains, such as disturbed readings or missing physics at a reversal;
+its impulse and energy mean nothing. With S_k = sum over i < k of f_i, the largest rise and fall of S
+over any span are the largest impulses each way, and the variance of a span's is the sum of its
+block of the covariance. Limit: the span is chosen, so noise alone gives a sum of two or three sigma.
 """
 
 from collections.abc import Sequence
@@ -22,6 +28,7 @@ from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.shown import Valued
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
@@ -32,8 +39,10 @@ STILL = 0.1  # of the usual speed (at a stop: of the speed before it), below whi
 AT_AN_END = 0.03  # of the travel: how far from its end a stop may be
 MEAN_S = 0.02  # the largest force, and the speed beside it, are means over this time
 PICTURE_S = 0.3  # about an event, in a picture
+OPPOSED = 1.0 / 3.0  # of the larger impulse: the one against it, above which a force pushes both ways
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
-CONTACTS = HIT, TOUCH, PUSH  # by somebody, who knows of it
+UNEXPLAINED = "unexplained"
+CONTACTS = HIT, TOUCH, PUSH, UNEXPLAINED  # by somebody who knows of it, or by missing physics
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,8 @@ class Event(Valued):
     """One event.
 
     kind: "hit", "stop" (a hit on a stop), "jam", "touch" (a hand or another contact), "push" (a
-    force longer than a hit and shorter than a touch), "slip" (of a sensor, a coupling or a clamp).
+    force longer than a hit and shorter than a touch), "slip" (of a sensor, a coupling or a clamp),
+    "unexplained" (readings as under a short force that pushes both ways, which no contact does).
     place: mass, link or output. at [s] of the recording with the 95 % interval between: the middle
     of a short event, the beginning of a long one; until, until_between: the same for its end, None
     for a short event or a slip. force: the largest mean over 20 ms; impulse, energy: given to the
@@ -127,6 +137,11 @@ class Event(Valued):
         if self.energy.lower < 0.0 < self.energy.upper:
             most_work = max(-self.energy.lower, self.energy.upper)
             did = f"changed the device's energy by less than {with_unit(most_work, 'J', 2)}"
+        if self.kind == UNEXPLAINED:
+            return (
+                f"readings {when} that no contact explains: as under a force of up to {most} "
+                f"{self.where} that pushes one way and then the other"
+            )
         what = {
             HIT: f"a hit of {size} {self.where}",
             STOP: f"a hit of {size} on a stop{self._end} {self.where}",
@@ -199,7 +214,9 @@ def _said(one: Happened, e: Experiment, h: Hypothesis, without: Hypothesis) -> E
     row = means[largest]
     most = _estimate(row @ f, np.sqrt(row @ c @ row), force)
     kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
-    short = kind in (HIT, STOP, PUSH)
+    if kind in (HIT, STOP, PUSH) and _opposes(f, c):
+        kind = UNEXPLAINED
+    short = kind in (HIT, STOP, PUSH, UNEXPLAINED)
     start = e.begins + period * first
     middle, spread = _middle(f, c)
     wide = Z95 * spread + 0.5
@@ -291,6 +308,21 @@ def _middle(f: Floats, c: Floats) -> tuple[float, float]:
         return float(size @ ticks / size.sum()), 0.5 * f.size / Z95
     slopes = (ticks - middle) / total
     return middle, float(np.sqrt(max(slopes @ c @ slopes, 0.0)))
+
+
+def _opposes(f: Floats, c: Floats) -> bool:
+    """Whether a force (ticks,) with covariance c clearly pushes both ways."""
+    total = np.concatenate([[0.0], np.cumsum(f)])
+    spans = np.subtract.outer(total, total)  # [b, a]: the impulse from tick a to tick b
+    spans[np.triu_indices(total.size)] = 0.0
+    each: list[float] = []
+    for sign in (1.0, -1.0):
+        last, first = np.unravel_index(np.argmax(sign * spans), spans.shape)
+        size, error = sign * spans[last, first], np.sqrt(c[first:last, first:last].sum())
+        if size <= VERDICT.apart * error:
+            return False
+        each.append(float(size))
+    return min(each) > OPPOSED * max(each)
 
 
 def _kind(

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.events import SLIP, Event
+from zwidth.diagnosis.answer.events import SLIP, STOP, TOUCH, UNEXPLAINED, Event
 from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE, pushing
 from zwidth.sim.readable import scaled
 
@@ -33,9 +33,10 @@ def events_figure(event: Event) -> Figure:
         top.set_ylabel(f"{what} [{unit or '1'}]")
         bottom.set_ylabel(f"{event.place.replace('_', ' ')} [{length}]")
         bottom.set_xlabel(f"time in {event.recording} [s]")
-        words = {"stop": "hit on a stop", "touch": "hand or another contact"}
-        name = words.get(event.kind, event.kind)
-        top.set_title(f"A {name}: {pushed} and motion over time" if what == pushed
-                      else f"A {name}: the error of the reading, and the reading")  # fmt: skip
+        words = {STOP: "A hit on a stop", TOUCH: "A hand or another contact",
+                 UNEXPLAINED: "No contact explains this"}  # fmt: skip
+        name = words.get(event.kind, f"A {event.kind}")
+        top.set_title(f"{name}: {pushed} and motion over time" if what == pushed
+                      else f"{name}: the error of the reading, and the reading")  # fmt: skip
         figure.legend(loc="outside lower center", ncols=4)
     return figure
