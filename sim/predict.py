@@ -170,6 +170,55 @@ def alone(
     return judge.kept
 
 
+def copied(memory: Memory) -> Memory:
+    """Return a copy of a memory, to go on from it twice."""
+    m = memory
+    return Memory(
+        m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
+        m.counters.copy(), m.totals.copy(),
+    )  # fmt: skip
+
+
+def freely(
+    eq: Equations,
+    fine: Equations,
+    outputs: tuple[Outputs, Outputs],
+    commands: Floats,
+    measured: tuple[Floats, Floats],
+    observer: Floats | Gains,
+    external: Floats,
+    memory: Memory,
+    runs: NDArray[np.int64],
+    strengths: Floats,
+) -> Floats:
+    """Return the innovations (ticks of all runs, o) of free runs of one device, in one call.
+
+    runs (n, 2): first tick, not before that of the run before, and ticks of each; it begins in the
+    state that the observer has there, which follows the recording up to the last of them. outputs,
+    measured: those the observer corrects by, then those of a free run. Else as for `alone`.
+    """
+    own, wide = (y.shape[1] for y in measured)
+    gains = observer if isinstance(observer, Gains) else Gains(observer, STEADY)
+    none = np.zeros(0)
+    readings = tuple(
+        Reading(*g, np.ones(1), np.zeros(o), np.zeros(o), none, out.late)
+        for g, o, out in zip(
+            (gains, Gains(np.zeros((eq.states, wide)), STEADY)), (own, wide), outputs, strict=True
+        )
+    )
+    rows, most = int(runs[:, 1].sum()), measured[0].shape[0]
+    judges = tuple(
+        judge_of(np.eye(o)[:, :, None], most, kept) for o, kept in ((own, 0), (wide, rows))
+    )
+    spaces, last = (scratch(eq), scratch(fine)), int(runs[-1, 0]) if runs.size else 0
+    with counted(1, last + rows):
+        run_freely(
+            eq, fine, outputs, commands, strengths, measured, readings, external,
+            (memory, copied(memory)), spaces, saved_room(eq), judges, runs,
+        )  # fmt: skip
+    return judges[1].kept
+
+
 @part
 def _lane_reading(r):
     """View a reading in lanes; which gain counts and what is arriving is of the recording."""
@@ -411,3 +460,43 @@ def predict(
     memory.scalars[3] = select(alive, 0.0, 1.0)
     memory.counters[0] = tick
     memory.counters[1] = head
+
+
+@part
+def begin_as(target, source):
+    """Fill a memory with the numbers of another."""
+    copy(source.x, target.x, source.x.size)
+    copy(source.line, target.line, source.line.size)
+    copy(source.controller, target.controller, source.controller.size)
+    copy(source.internal, target.internal, source.internal.size)
+    copy(source.scalars, target.scalars, source.scalars.size)
+    copy(source.counters, target.counters, source.counters.size)
+    copy(source.totals, target.totals, source.totals.size)
+
+
+@jit
+def run_freely(
+    eq, fine, outputs, commands, strengths, measured, readings, external, memories, spaces, room,
+    judges, runs,
+):  # fmt: skip
+    """Follow a recording, and from the first tick of each run let a copy run free; see `freely`.
+
+    One call of `predict` for both, since each would be compiled anew within this loop.
+    """
+    here = rows = 0
+    for r in range(2 * runs.shape[0]):
+        first, ticks, free = runs[r // 2, 0], runs[r // 2, 1], r % 2
+        if free == 1:
+            begin_as(memories[1], memories[0])
+        elif first == here:
+            continue
+        begins, ends = (first, first + ticks) if free == 1 else (here, first)
+        here, j = first, judges[free]
+        kept = j.kept[rows : rows + ticks * free]
+        judge = Judge(j.filters, j.skipped, j.moments, j.white, j.piece, kept, j.uncounted)
+        predict(
+            eq, fine, outputs[free], commands[begins:ends], strengths[begins:ends],
+            measured[free][begins:ends], readings[free], external[begins:ends], memories[free],
+            spaces, room, judge,
+        )  # fmt: skip
+        rows += ticks * free

@@ -12,9 +12,11 @@ from population_examples import OUTPUTS, TICKS, gain, own_innovations, recorded,
 from zwidth.controllers.recorded import recorded as played
 from zwidth.jobs.parallel import in_parallel
 from zwidth.sim.device import Device
+from zwidth.sim.equations import equations
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.population import Population, Readings, Recorded
-from zwidth.sim.run import Start, simulate
+from zwidth.sim.predict import Gains, alone, copied, freely
+from zwidth.sim.run import Start, simulate, start_memory
 
 
 @pytest.mark.parametrize(("name", "place"), EVERYWHERE)
@@ -179,3 +181,38 @@ def test_observers_of_the_wrong_shape_are_refused() -> None:
     q = np.zeros((1, 3))
     with pytest.raises(ValueError, match=r"\(6, 2\) or \(members, 6, 2\) is needed"):
         population.follow(recorded(), population.start(q, q), Readings(np.zeros((5, 2))))
+
+
+@pytest.mark.parametrize("gains", ["steady", "changing"])
+def test_free_runs_of_one_call_are_those_of_many(gains: str) -> None:
+    """To the bit, with a drive that is off for a while, and a gain that changes.
+
+    Mutations: a run that goes on from the one before; rows kept from the first run's on; a gain
+    counted from the run's own first tick.
+    """
+    device, r = varied(phantom(), coulomb(4e-3), 1)[0], recorded()
+    eq, fine = equations(device, 4), equations(device, 16)
+    observer: np.ndarray | Gains = gain([device])
+    if gains == "changing":
+        columns = 2 * (np.arange(TICKS) // 100 % 2)
+        observer = Gains(np.hstack([observer, 0.5 * observer]), columns)
+    strengths, none = np.ones(TICKS), np.zeros((0, eq.dof))
+    strengths[300:340] = 0.0
+    runs = np.array([[0, 50], [100, 50], [100, 300], [350, 350]])
+    start_at = Start([1e-3, 0.0, 0.0])
+    found = freely(
+        eq, fine, (OUTPUTS, OUTPUTS), r.command, (r.measured, r.measured), observer, none,
+        start_memory(eq, start_at), runs, strengths,
+    )  # fmt: skip
+    blind, memory, here, row = np.zeros((eq.states, 2)), start_memory(eq, start_at), 0, 0
+    for first, ticks in runs.tolist():
+        for kind, m, part in (
+            (observer, memory, slice(here, first)),
+            (blind, None, slice(first, first + ticks)),
+        ):
+            own = copied(memory) if m is None else m
+            seen = alone(eq, fine, OUTPUTS, r.command[part], r.measured[part], kind, none, own,
+                         strengths[part])  # fmt: skip
+        assert np.array_equal(found[row : row + ticks], seen, equal_nan=True)
+        here, row = first, row + ticks
+    assert row == found.shape[0]

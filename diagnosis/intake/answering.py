@@ -213,5 +213,5 @@ def _bounded(
     square = unit.T @ unit / own.size + np.diag(1e-10 + prior / size**2)
     lower = np.linalg.cholesky(square)
     right = np.linalg.solve(lower, -(unit.T @ own) / own.size)
-    z = lsq_linear(lower.T, right, (least * size, most * size)).x / size
+    z = lsq_linear(lower.T, right, (least * size, most * size), method="bvls").x / size
     return z, own + columns @ z

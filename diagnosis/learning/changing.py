@@ -43,7 +43,6 @@ from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
-    copied,
     memory_at,
     prepared,
 )
@@ -53,7 +52,7 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, p
 from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.device import place_label
 from zwidth.sim.kernel import Memory
-from zwidth.sim.predict import alone
+from zwidth.sim.predict import alone, copied
 
 Floats = NDArray[np.float64]
 BLOCKS = 1000  # at most, at whose beginnings a step may be

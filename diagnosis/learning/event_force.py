@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
-    copied,
     memory_at,
     prepared,
 )
@@ -38,7 +37,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
 from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.place import masses_and_links, place_at
-from zwidth.sim.predict import alone
+from zwidth.sim.predict import alone, copied
 
 Floats = NDArray[np.float64]
 LEAD, TAIL = 60, 150  # ticks before and after an event that its fit includes

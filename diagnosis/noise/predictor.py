@@ -23,7 +23,7 @@ from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
-from zwidth.sim.predict import GROUND, Gains, Outputs, alone
+from zwidth.sim.predict import GROUND, Gains, Outputs, alone, freely
 from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
@@ -405,15 +405,6 @@ def padded(
     return full
 
 
-def copied(memory: Memory) -> Memory:
-    """Return a copy of a memory, to continue from it twice."""
-    m = memory
-    return Memory(
-        m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
-        m.counters.copy(), m.totals.copy(),
-    )  # fmt: skip
-
-
 def window(experiment: Experiment) -> int:
     """Return the ticks of a free run: half a second or a third, at least `SHORTEST_WINDOW`."""
     wanted = min(round(FREE_RUN_S / experiment.period), experiment.ticks // 3)
@@ -449,28 +440,13 @@ def free_run_errors(
     Both are zero where nothing was measured. Each window starts in the observer's state, then runs
     free.
     """
-    eq, fine = ready = prepared(experiment.on(device))
-    places = experiment.places(eq)
-    memory, full = memory_at(ready, experiment, device, gain)
-    moved, readings = experiment.external(eq.dof), experiment.readings
-    blind = np.zeros((eq.states, readings.shape[1]))
-    errors: list[Floats] = []
-    signal: list[Floats] = []
-    judged = set(free_run_starts(experiment, window))
-    for first in range(0, experiment.ticks - window + 1, window):
-        u = experiment.command[first : first + window]
-        y = readings[first : first + window]
-        f = moved[first : first + window]
-        s = experiment.strengths_in(slice(first, first + window))
-        if first in judged:
-            free = copied(memory)
-            wrong = alone(eq, fine, places, u, y, blind, f, free, s)
-            about = y - experiment.measured[first : first + window].mean(axis=0)
-            errors.append(np.where(np.isnan(y), 0.0, wrong))
-            signal.append(np.where(np.isnan(y), 0.0, about))
-        alone(eq, fine, places, u, y, full, f, memory, s)
-    empty = np.zeros((0, experiment.measured.shape[1]))
-    return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
+    starts = free_run_starts(experiment, window)
+    (errors,) = (r.errors for r in free_runs(device, experiment, gain, [window]))
+    about = [experiment.readings[k : k + window] - experiment.measured[k : k + window].mean(axis=0)
+             for k in starts]  # fmt: skip
+    outputs = experiment.measured.shape[1]
+    signal = np.nan_to_num(np.reshape(about, (-1, outputs)))
+    return errors.reshape(-1, outputs), signal
 
 
 class FreeRuns(NamedTuple):
@@ -481,9 +457,13 @@ class FreeRuns(NamedTuple):
 
 
 def free_runs(
-    device: Device, experiment: Experiment, gain: Gain, lengths: Sequence[int], most: int
+    device: Device,
+    experiment: Experiment,
+    gain: Gain,
+    lengths: Sequence[int],
+    most: int | None = None,
 ) -> list[FreeRuns]:
-    """Return at most `most` free runs of each length, evenly spread (see `free_run_errors`)."""
+    """Return free runs of each length, at most `most`, evenly spread (see `free_run_errors`)."""
     eq, fine = ready = prepared(experiment.on(device))
     places, o, n = experiment.places(eq), len(experiment.outputs), device.chain.masses.size
     states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
@@ -493,36 +473,29 @@ def free_runs(
         np.concatenate([places.less, np.full(2 * n, GROUND)]),
         np.concatenate([places.late, np.zeros(2 * n)]),
     )
-    measured = np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))])
+    readings = experiment.readings
+    measured = np.hstack([readings, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)
-    moved = experiment.external(eq.dof)
-    nothing = np.zeros((eq.states, o + 2 * n))
-    begins: dict[int, list[int]] = {}
-    for i, length in enumerate(lengths):
-        possible = np.array(free_run_starts(experiment, length), dtype=np.int64)
-        if possible.size > most:
-            possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
-        for first in possible.tolist():
-            begins.setdefault(first, []).append(i)
-    here = 0
-    found: list[list[Floats]] = [[np.zeros((0, length, o + 2 * n))] for length in lengths]
-    for first in sorted(begins):
-        before, here = slice(here, first), first
-        alone(
-            eq, fine, places, experiment.command[before], measured[before, :o], full,
-            moved[before], memory, experiment.strengths_in(before),
-        )  # fmt: skip
-        for i in begins[first]:
-            run = slice(first, first + lengths[i])
-            free = copied(memory)
-            seen = alone(
-                eq, fine, wide, experiment.command[run], measured[run], nothing, moved[run], free,
-                experiment.strengths_in(run),
-            )  # fmt: skip
-            unknown = np.isnan(measured[run])
-            found[i].append(np.where(unknown, 0.0, seen)[None])
-    joined = [np.concatenate(runs) for runs in found]
-    return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]
+    begins: list[list[int]] = []
+    for length in lengths:
+        possible = free_run_starts(experiment, length)
+        if most is not None and len(possible) > most:
+            spread = np.linspace(0, len(possible) - 1, most).round().astype(np.int64)
+            possible = [possible[i] for i in spread]
+        begins.append(possible)
+    every = sorted((first, i) for i, own in enumerate(begins) for first in own)
+    runs = np.array([(first, lengths[i]) for first, i in every], dtype=np.int64).reshape(-1, 2)
+    strengths = experiment.strengths
+    seen = freely(
+        eq, fine, (places, wide), experiment.command, (readings, measured), full,
+        experiment.external(eq.dof), memory, runs, np.zeros(0) if strengths is None else strengths,
+    )  # fmt: skip
+    of, row = np.repeat([i for _, i in every], runs[:, 1]), np.concatenate(
+        [np.arange(first, first + ticks) for first, ticks in runs] or [np.zeros(0, np.int64)]
+    )  # fmt: skip
+    seen = np.where(np.isnan(measured[row]), 0.0, seen)
+    each = [seen[of == i].reshape(-1, length, o + 2 * n) for i, length in enumerate(lengths)]
+    return [FreeRuns(own[:, :, :o], -own[:, :, o:]) for own in each]
 
 
 def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
