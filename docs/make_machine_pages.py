@@ -8,9 +8,11 @@ a minute to ten minutes a machine.
 """
 
 import os
+import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: sums round the same way
@@ -31,7 +33,7 @@ from zwidth.files.whole import write_text, write_with
 from zwidth.logs.recording import read_recording, unscaled
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
-from zwidth.sim.readable import counted_in, number
+from zwidth.sim.readable import counted_in, number, percent
 
 PAGES = Path(__file__).parent / "machines"
 BEGIN, END = "<!-- made by docs/make_machine_pages.py -->\n", "<!-- until here -->\n"
@@ -162,7 +164,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         "|---|---|---|---|---|" + "---|" * (len(when) - len(WHEN)),
     ]  # fmt: skip
     for run in runs:
-        shares = [f"{100.0 * run.shares[w]:.3g} %" for w in when]
+        shares = [percent(run.shares[w]) for w in when]
         last = f"{shares[-1]} ({number(run.errors[when[-1]])} {run.unit})"
         held = "held out" if run.held_out else "fitted"
         cells = " | ".join([*shares[:-1], last, held])
@@ -176,8 +178,14 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines += [f"![The learned law]({name}_law.png)", ""]
     if found.next_level is not None:
         lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
-    lines += [f"This took {seconds:.0f} s of processor time."]
+    lines += [f"Made on {date.today()} in {seconds:.0f} s of processor time (commit {commit()})."]
     return "\n".join(lines) + "\n"
+
+
+def commit() -> str:
+    """Return the commit of the code."""
+    asked = ("git", "-C", str(PAGES), "rev-parse", "--short", "HEAD")
+    return subprocess.run(asked, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def main() -> None:

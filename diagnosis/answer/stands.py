@@ -82,6 +82,7 @@ def what_stands(
             halted = True
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = standing(device, taken, found, say)
+    say("checking what the answer leaves unexplained")
     left, other = _what_is_left(found, taken)
     there = Stands(found, found, taken, sound, left, other, changes, taken.faults, halted)
     if found.later:
