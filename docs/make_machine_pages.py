@@ -24,7 +24,7 @@ from zwidth.diagnosis.answer.words import negligible_in_words
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
-from zwidth.diagnosis_report import estimate, masses_of
+from zwidth.diagnosis_report import changes_in_words, estimate, masses_of, sentence
 from zwidth.figures.diagnosis import whole_run_figure
 from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned_surface import law_figure
@@ -145,6 +145,8 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     """Return the results, as a section of the page."""
     lines = ["```sh", command(MACHINES[name]), "```", "", f"**{found.headline}.**", ""]
     lines += [f"Verdict: `{found.verdict.value}`.", ""]
+    for said in (*changes_in_words(found), *(event.sentence for event in found.events)):
+        lines += [f"{sentence(said)}.", ""]
     lines += ["| effect | values (95 % interval) | sigma |", "|---|---|---|"]
     for f in found.findings:
         values = "; ".join(f"{key} {estimate(value)}" for key, value in f.parameters.items())
@@ -173,7 +175,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     if friction_curve(found.searched) is not None:
         lines += [f"![The friction that was found, over velocity]({name}_friction.png)", ""]
     if (law := found.learned) is not None:
-        also = [s for s in (law.absorbed, law.energy) if s]
+        also = [s for s in (law.worth, law.absorbed, law.energy) if s]
         lines += [f"**The learned law**: {'; '.join([law.sentence, *also])}.", ""]
         lines += [f"![The learned law]({name}_law.png)", ""]
     if found.next_level is not None:

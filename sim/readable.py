@@ -132,6 +132,30 @@ def interval(value: float, lower: float, upper: float, unit: str) -> str:
         text = f"{factor * value:#.5g}".rstrip(".").replace("e-0", "e-")
         within = "0.01 %" if half > 1e-5 * abs(value) else "0.001 %"
         return f"{text} {shown}".rstrip() + f" (within {within})"
+    shown, texts = _known(value, lower, upper, unit)
+    said = f"{texts[0]} {shown}".rstrip()
+    return f"{said} ({texts[1]} to {texts[2]})"
+
+
+def without_interval(value: float, lower: float, upper: float, unit: str, most: int = 3) -> str:
+    """Return a value to the digits that its interval knows, and to `most` of them.
+
+    0.0250004, 0.0249990, 0.0250018, "N m" -> "25.0 mN m"; 10.2, 6.0, 13.0, "N" -> "10 N".
+    """
+    half = 0.5 * (upper - lower)
+    if not (math.isfinite(value) and math.isfinite(half) and half > 0.0):
+        return interval(value, lower, upper, unit)
+    rounded = f"{value:.{most - 1}e}"
+    least = 5.0 * 10.0 ** (int(rounded.partition("e")[2]) - most + 1) if value else 0.0
+    if half < least:
+        value, half = float(rounded), least
+    shown, texts = _known(value, value - half, value + half, unit)
+    return f"{texts[0]} {shown}".rstrip()
+
+
+def _known(value: float, lower: float, upper: float, unit: str) -> tuple[str, list[str]]:
+    """Return the unit, and value and ends to the digits that the interval knows."""
+    half = 0.5 * (upper - lower)
     factor, shown = scaled(max(abs(value), half), unit)
     first = math.floor(math.log10(factor * half))
     leading = factor * half / 10.0**first
@@ -139,11 +163,8 @@ def interval(value: float, lower: float, upper: float, unit: str) -> str:
     size = factor * max(abs(value), half)
     if (decimals > 5 and size < 1e-3) or size >= 1e6:  # exponents, to the same digits
         digits = max(2, decimals + 1 + math.floor(math.log10(size)))
-        texts = [_exponent(factor * v, digits) for v in (value, lower, upper)]
-    else:
-        texts = [_rounded(factor * v, decimals) for v in (value, lower, upper)]
-    said = f"{texts[0]} {shown}".rstrip()
-    return f"{said} ({texts[1]} to {texts[2]})"
+        return shown, [_exponent(factor * v, digits) for v in (value, lower, upper)]
+    return shown, [_rounded(factor * v, decimals) for v in (value, lower, upper)]
 
 
 def _exponent(value: float, digits: int) -> str:

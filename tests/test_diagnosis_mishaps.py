@@ -430,7 +430,7 @@ def test_a_velocity_alone_gets_a_next_experiment(
     assert answer["errors"] == []
     assert answer["next_experiment"]["separates"] == ["coulomb_friction@m1", "dead_band@command"]
     assert Path(answer["next_experiment"]["scenario"]).exists()
-    assert "Coulomb friction at m1 from dead band at command" in capsys.readouterr().out
+    assert "Coulomb friction at m1 from a dead band in the command" in capsys.readouterr().out
 
 
 def test_a_friction_beside_a_fast_mode_is_searched():

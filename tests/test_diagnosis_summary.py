@@ -13,13 +13,13 @@ from zwidth.diagnosis.answer.result import (
     Finding,
     HeldOut,
     NextExperiment,
+    Rival,
     Verdict,
 )
 from zwidth.diagnosis_report import improvement
 from zwidth.diagnosis_summary import (
     doubtful,
     how_sure,
-    missing,
     next_sentence,
     title,
     what_now,
@@ -29,10 +29,10 @@ from zwidth.diagnosis_summary import (
 from zwidth.sim.chain import make_chain
 
 LEVEL = {"level": Estimate(0.03, 0.029, 0.031, "N m")}
-FRICTION = Finding("coulomb_friction", "m1", LEVEL, 40.0, (), 0.99)
+FRICTION = Finding("coulomb_friction", "m1", LEVEL, 40.0, (), 0.99, with_richer=0.99)
 FIT = HeldOut(3.0, 0.7, 0.03, 0.02)
 SAME = HeldOut(0.031, 0.034, 0.034, 0.00018)
-GRAVITY = Finding("gravity_pendulum", "m1", LEVEL, 9.2, (), 0.9999)
+GRAVITY = Finding("gravity_pendulum", "m1", LEVEL, 9.2, (), 0.9999, with_richer=0.9999)
 
 
 def found(verdict: Verdict, *findings: Finding, **more: Any) -> Diagnosis:
@@ -40,6 +40,7 @@ def found(verdict: Verdict, *findings: Finding, **more: Any) -> Diagnosis:
     device = SimpleNamespace(chain=make_chain([1e-3], [0.0]))
     nothing: dict[str, Any] = {"adequacy": None, "next_experiment": None}
     nothing |= {"next_level": None, "learned": None, "free_run": FIT, "whole_runs": ()}
+    nothing |= {"events": ()}
     values = {**nothing, "device": device, "headline": "h", **more}
     return cast("Diagnosis", SimpleNamespace(verdict=verdict, findings=findings, **values))
 
@@ -55,11 +56,10 @@ def test_the_title_names_what_is_missing_without_numbers():
 
 
 def test_a_law_that_includes_an_effect_stands_in_its_place():
-    """Mutation: the effect is named in the title, or the law's worth repeated in the headline."""
-    law = SimpleNamespace(worth="w", as_json=lambda: {"absorbed": ["coulomb_friction at m1"]})
-    one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law, headline="a force acts; w; as well")
+    """Mutation: the effect is named in the title."""
+    law = SimpleNamespace(as_json=lambda: {"absorbed": ["coulomb_friction at m1"]})
+    one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law)
     assert title(one) == "Physics is missing that is not in the library of effects"
-    assert missing(one) == "a force acts; as well"
     both = found(Verdict.UNKNOWN_PHYSICS, FRICTION, GRAVITY, learned=law)
     assert title(both).endswith("besides gravity pendulum at the motor")
 
@@ -68,12 +68,22 @@ def test_how_sure_is_said_by_the_least_certain_effect():
     """Mutation: the first effect's figures, or the largest."""
     said = how_sure(found(Verdict.IDENTIFIED, FRICTION, GRAVITY), "s")
     assert said == (
-        "the probability is 99 %; the least certain effect improves the fit by 9 sigma"
-        " (5 are required)"
+        "the probability is 99 % (95 % is required); the least certain effect improves the fit by"
+        " 9 sigma (5 are required)"
     )
     sound = SimpleNamespace(explained=0.95)
     half = how_sure(found(Verdict.UNKNOWN_PHYSICS, FRICTION, adequacy=sound), "s")
     assert half == "s. The named effects explain 95 % of the error"
+    said = found(Verdict.UNKNOWN_PHYSICS, FRICTION, adequacy=sound, headline="95 % of the error")
+    assert how_sure(said, "s") == "s"
+
+
+def test_the_probability_on_the_first_screen_is_the_one_that_decides():
+    """A limit that may also fall with speed. Mutation: the probability of the limit alone."""
+    limit = replace(FRICTION, probability=0.811, with_richer=0.982)
+    assert how_sure(found(Verdict.IDENTIFIED, limit), "s").startswith(
+        "the probability is 98.2 %, counting richer forms of the effect (95 % is required)"
+    )
 
 
 def run(before: float, after: float, **more: float) -> Any:
@@ -117,7 +127,7 @@ def test_an_answer_that_simulates_no_better_says_so_in_every_line():
     )
     assert "worse than with the device file (3.1 %)" in worth(same)
     assert "no better than with the refit alone" in improvement(same)
-    (now,) = what_now(same, "runs/a.toml")
+    now, _ = what_now(same, "runs/a.toml")
     assert now.startswith("do not rely on the improved device runs/a.toml yet: its free runs on")
     refit = found(Verdict.LINEAR_PARAMETERS, free_run=replace(SAME, before=0.034))
     assert "no better than with the device file (3.4 %)" in worth(refit)
@@ -181,8 +191,41 @@ def test_an_experiment_that_would_not_decide_is_not_recommended(sigma: float, sa
 
 def test_the_improved_device_comes_first_where_the_answer_is_certain():
     """Mutation: the device offered where nothing is missing, or as certain where it is not."""
-    (take,) = what_now(found(Verdict.IDENTIFIED, FRICTION), "runs/a.toml")
+    take, _ = what_now(found(Verdict.IDENTIFIED, FRICTION), "runs/a.toml")
     assert take.startswith("use the improved device runs/a.toml")
     unsure = what_now(found(Verdict.UNKNOWN_PHYSICS, FRICTION), "runs/a.toml")
     assert not unsure[0].startswith("use the improved")
     assert not any("a.toml" in s for s in what_now(found(Verdict.NOTHING_MISSING), "runs/a.toml"))
+
+
+RIVAL = Rival("dead_band", "command", 2.0, 0.3)
+LIKELY = replace(FRICTION, with_richer=0.7)
+
+
+@pytest.mark.parametrize(
+    ("one", "events", "said"),
+    [
+        (replace(LIKELY, rivals=(RIVAL,)), (), "Coulomb friction from a dead band in the command:"),
+        (LIKELY, (), "no single rival makes Coulomb friction doubtful"),
+        (FRICTION, ("a hit", "a hit"), "record again without touching the device"),
+        (FRICTION, (), "a law outside the library"),
+    ],
+)
+def test_where_no_experiment_was_planned_it_is_said_what_to_record(
+    one: Finding, events: tuple[str, ...], said: str
+):
+    """Mutations: nothing; the same for every doubt; also where an experiment was planned."""
+    unsure = found(Verdict.CONFUSABLE, one, events=events)
+    *_, last = what_now(unsure, "runs/a.toml")
+    assert said in last
+    labels = ("dead_band@command", "coulomb_friction@m1")
+    planned = NextExperiment("fast", Path("next.toml"), labels, 7.0, {"fast": 7.0})
+    *_, last = what_now(found(Verdict.CONFUSABLE, one, next_experiment=planned), "runs/a.toml")
+    assert last.startswith("to tell a dead band in the command from Coulomb friction at m1, record")
+
+
+def test_a_certain_answer_needs_no_further_recording():
+    """Mutation: said where parameters alone differ."""
+    for verdict in (Verdict.IDENTIFIED, Verdict.UNKNOWN_PHYSICS):
+        assert "record" in what_now(found(verdict, FRICTION), "runs/a.toml")[-1]
+    assert len(what_now(found(Verdict.LINEAR_PARAMETERS), "runs/a.toml")) == 1

@@ -10,14 +10,25 @@ import pytest
 
 from zwidth.diagnose_files import may_render
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
+from zwidth.diagnosis.answer.answered import _in_short
+from zwidth.diagnosis.answer.changes import Change
 from zwidth.diagnosis.answer.levels import NextLevel
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, HeldOut, Rival, Verdict
 from zwidth.diagnosis.answer.verdict import Facts, Left, Reason, reason
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.answer.words import SAYINGS, cautions, headline, in_words, where, why
+from zwidth.diagnosis.answer.words import (
+    LONGEST,
+    SAYINGS,
+    cautions,
+    headline,
+    in_words,
+    where,
+    why,
+)
 from zwidth.diagnosis.forces.locate import ForceMap, Located
 from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import misread
+from zwidth.diagnosis.learning.changing import EACH, RUN, STEP
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.figures.diagnosis import force_map_figure, whole_run_figure
 from zwidth.sim.chain import make_chain
@@ -45,7 +56,7 @@ def answer(*findings: Finding, **facts: Any) -> Facts:
 def test_what_was_found_in_the_words_of_an_engineer():
     """Breaks where the verdict or the name of a file is the heading."""
     found = answer(FRICTION)
-    missing = "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor is missing"
+    missing = "Coulomb friction of 30.1 mN m at the motor is missing"
     assert headline(found) == f"{missing} from the simulation"
     assert " at the motor (m1) is missing" in headline(replace(found, masses=3))
 
@@ -54,18 +65,143 @@ def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
     """Breaks where a rival within five sigma is left for the table."""
     found = answer(replace(FRICTION, rivals=(BAND,)))
     assert headline(found) == (
-        "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor, or dead band in the command:"
-        " this recording cannot tell which is missing"
+        "Coulomb friction of 30.1 mN m at the motor, or a dead band in the command: this recording"
+        " cannot tell which is missing"
     )
     unsure = answer(replace(FRICTION, probability=0.41, with_richer=0.53))
     assert headline(unsure).endswith("may be missing: the probability is only 53 %")
 
 
+STRIBECK = Finding(
+    "stribeck_friction",
+    "m1",
+    {
+        "level": Estimate(0.0250004, 0.0249990, 0.0250018, "N m"),
+        "static_level": Estimate(0.039981, 0.039964, 0.039999, "N m"),
+    },
+    52.0,
+    (),
+)
+GRAVITY = Finding("gravity_pendulum", "m1", {"level": Estimate(0.080002, 0.08, 0.08001, "N m")},
+                  51.0, ())  # fmt: skip
+STOP = Finding("backlash", "link12", {"gap": Estimate(0.0077, 0.0066, 0.0088, "m")}, 8.0, ())
+
+
+def test_a_headline_has_no_intervals_and_says_a_place_once():
+    """Mutations: intervals in brackets; more digits than three; "at the motor" after each."""
+    assert headline(answer(STRIBECK, GRAVITY)) == (
+        "Stribeck friction of 25.0 mN m (40.0 mN m at rest) and pendulum gravity of 80.0 mN m at"
+        " the motor are missing from the simulation"
+    )
+    assert headline(answer(STRIBECK, FRICTION, STOP, masses=2)).startswith(
+        "Stribeck friction of 25.0 mN m (40.0 mN m at rest) and Coulomb friction of 30.1 mN m at"
+        " the motor (m1), and play"
+    )
+    apart = headline(answer(FRICTION, STOP, GRAVITY, masses=2))
+    assert apart.count("at the motor (m1)") == 2
+
+
+def test_a_long_headline_leaves_out_sizes_and_no_effect():
+    """The weakest effect's first. Mutations: the strongest's; an effect that is not named."""
+    band = Finding("dead_band", "command", {"width": Estimate(0.02, 0.019, 0.021, "N m")}, 7.0, ())
+    found = answer(STRIBECK, STOP, band, masses=2)
+    text = headline(found)
+    assert len(text.split()) <= LONGEST
+    assert "Stribeck friction of 25.0 mN m" in text
+    assert "play of 7.7 mm between the motor (m1) and the load (m2) and a dead band in" in text
+    assert "20.0 mN m in the command" in headline(replace(found, findings=(STRIBECK, band)))
+    more = headline(found, ["the inertia m1 rose from 1 to 2 kg m2 from run_2 on"])
+    assert more.startswith("Stribeck friction at the motor (m1), backlash")
+    assert more.endswith("; the inertia m1 rose from 1 to 2 kg m2 from run_2 on")
+
+
+def test_the_nearest_rival_stands_with_its_distance():
+    """Mutations: the first rival of the table; no figure; the finding's own sigma."""
+    near = replace(BAND, separation_sigma=1.24)
+    found = answer(replace(FRICTION, rivals=(BAND, near)))
+    assert why(found) == (
+        "the fit is only 1.2 sigma worse with a dead band in the command in place of Coulomb"
+        " friction; to tell two effects apart, 5 are required"
+    )
+    other = Rival("coulomb_friction", "m2", 0.01)
+    both = answer(replace(FRICTION, rivals=(other,)), replace(STOP, rivals=(near,)), masses=3)
+    assert why(both).startswith(
+        "the fit is no worse with Coulomb friction at the mass m2 in place of Coulomb friction at"
+        " the motor (m1) and only 1.2 sigma worse with a dead band in the command in place of"
+    )
+    assert headline(both).endswith("; Coulomb friction may instead be at the mass m2")
+
+
+NO_WINDOWS = cast("Any", None)
+
+
+def change(shape: str, **more: Any) -> Change:
+    """A damper of a directional friction that rises, as far as its sentences read it."""
+    known: dict[str, Any] = {
+        "parameter": "viscous_minus", "effect": "directional_friction", "place": "m2",
+        "recording": "run_2", "at": None, "between": None, "rate": None,
+        "before": Estimate(1.5, 0.5, 2.4, "N s/m"), "after": Estimate(1.93, 1.0, 2.8, "N s/m"),
+        "by": Estimate(0.43, 0.37, 0.48, "N s/m"), "gained": 90.0, "free_run": (0.2, 0.1),
+        "masses": 2, "windows": NO_WINDOWS,
+    }  # fmt: skip
+    return Change(shape=shape, **(known | more))
+
+
+def test_a_change_is_said_in_plain_words():
+    """Mutations: a parameter's name as in a file; intervals in the headline's form."""
+    one = change(STEP, at=0.7, between=(0.1, 0.8))
+    what = "the backward damping of directional friction at the load (m2)"
+    assert one.short == f"{what} rose by 430 mN s/m at 0.7 s"
+    assert one.sentence == (
+        f"{what} rose by 430 mN s/m (370 to 480) at 0.7 s (0.1 to 0.8 s); at first, it was"
+        " 1.5 N s/m (0.5 to 2.4)"
+    )
+
+
+def test_the_headline_counts_further_changes_and_events():
+    """Mutations: all of them; the last one in the place of the first."""
+    one = change(STEP, at=0.7, between=(0.1, 0.8))
+    hit = cast("Any", SimpleNamespace(short="a hit of 2 mN m s at the motor at 3.2 s"))
+    other = change(RUN)
+    assert _in_short([one], [hit]) == ([one.short], [hit.short])
+    (changed,), (happened,) = _in_short([one, other, other], [hit, hit])
+    assert changed == f"{one.short}, and 2 more parameters changed"
+    assert happened == f"{hit.short}, and 1 more event"
+    assert _in_short([], []) == ([], [])
+
+
+def test_a_doubtful_change_is_left_to_the_lines_below_a_long_headline():
+    """Mutations: sizes left out instead; an event left out with it; left out of a short one."""
+    words = "if this model is right, the inertia m1 rose from 1 to 2 kg m2 from run_2 on"
+    hit = "a hit of 2 mN m s at the motor at 3.2 s"
+    found = answer(STRIBECK, GRAVITY, left=FORCE)
+    assert headline(answer(FRICTION), [], [words]).endswith(f" the simulation; {words}")
+    text = headline(found, [hit], [words])
+    assert words not in text
+    assert text.startswith("Stribeck friction ")
+    assert text.endswith(hit)
+
+
+def test_a_change_that_may_have_had_another_course_is_given_no_date():
+    """Mutations: names of shapes as they are; "or" after each; a date in the headline."""
+    either = change(STEP, as_well=("a drift over time", "settling", RUN, EACH))
+    assert either.short.endswith("at the load (m2) rose by 430 mN s/m")
+    assert either.sentence.endswith(
+        "; a drift over time, settling, one recording unlike the others or another value in each"
+        " recording would explain it as well"
+    )
+    runs = change(RUN, as_well=(EACH,))
+    assert runs.short.endswith("at the load (m2) is not constant")
+
+
 def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
     found = answer(FRICTION, left=FORCE)
-    assert headline(found).endswith("; the named effects explain 95 % of the error")
-    assert "and so is something that is not in the library of effects" in headline(found)
+    assert headline(found).endswith(
+        " is missing and explains 95 % of the error; the rest is outside the library of effects"
+    )
+    whole = replace(found, sound=replace(SOUND, explained=1.0))
+    assert "and so is something that is not in the library of effects" in headline(whole)
     poor = replace(found, sound=replace(SOUND, explained=0.04))
     assert headline(poor).endswith(
         "the nearest effects (Coulomb friction) explain 4 % of the error"
@@ -86,9 +222,15 @@ def test_no_physics_but_a_parameter_says_which_and_by_how_much():
     }
     found = answer(refit=refit)
     assert headline(found) == (
-        "No physics is missing, but the inertia m1 is 0.001560 kg m2 (0.001550 to 0.001570), 30 %"
-        " above the device file's"
+        "No physics is missing, but the inertia m1 is 0.00156 kg m2, 30 % above the device file's"
     )
+    assert why(found) == "the inertia m1 differs from the device file by more than 5 sigma"
+    both = replace(found, refit=refit | {"b1": (6e-3, Estimate(2.0e-2, 1.9e-2, 2.1e-2, "N s/m"))})
+    assert headline(both) == (
+        "No physics is missing, but parameters differ from the device file: the damper b1 by a"
+        " factor of 3.33 and the inertia m1 by +30 %"
+    )
+    assert why(both).startswith("the inertia m1 and the damper b1 differ from the device file")
     scale = {"gain": (1.0, Estimate(57.4, 57.0, 57.8, ""))}
     assert "(degrees?)" in headline(replace(found, refit=scale))
 
@@ -166,7 +308,9 @@ def test_a_reason_decides_and_the_first_counts():
     assert [reason(facts) for facts in every.values()] == list(Reason)
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
     assert every[Reason.TOUCHED].verdict is Verdict.CONFUSABLE
-    assert "2 contacts" in headline(every[Reason.TOUCHED])
+    assert headline(every[Reason.TOUCHED]).endswith(
+        " is missing, if the 2 contacts in the recording were real"
+    )
     assert "unless somebody touched the device" in why(every[Reason.TOUCHED])
     assert answer(sound=WEAK).verdict is Verdict.UNKNOWN_PHYSICS
     assert answer(FRICTION, sound=replace(SOUND, better=0.5)).verdict is Verdict.UNKNOWN_PHYSICS

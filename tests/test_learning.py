@@ -122,11 +122,10 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
         return
     assert law.law.after < 0.01
     first = law.headline(1)
-    assert first.startswith(
-        "a force that is not in the library of effects acts at the motor: it reaches"
-    )
+    assert first.startswith("a force outside the library of effects acts at the motor: it reaches")
     assert " and depends on velocity, and looks like a" in first
-    assert first.endswith("with the learned law, 50 % without")
+    assert law.worth.endswith("with the learned law, 50 % without")
+    assert law.worth not in first
     assert "a force at m1 that depends on velocity, and looks like -0." in law.sentence
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]

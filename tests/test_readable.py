@@ -4,7 +4,15 @@ import math
 
 import pytest
 
-from zwidth.sim.readable import interval, of_the_motion, percent, plain, scaled, with_unit
+from zwidth.sim.readable import (
+    interval,
+    of_the_motion,
+    percent,
+    plain,
+    scaled,
+    with_unit,
+    without_interval,
+)
 
 
 @pytest.mark.parametrize(
@@ -46,6 +54,25 @@ def test_an_interval_says_which_digits_are_known(
     Breaks where value and ends have digits or prefixes of their own.
     """
     assert interval(*ends, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("ends", "unit", "text"),
+    [
+        ((0.0250004, 0.0249990, 0.0250018), "N m", "25.0 mN m"),
+        ((10.2e3, 6e3, 13e3), "N", "10 kN"),
+        ((0.99996, 0.9999, 1.0), "N", "1.00 N"),
+        ((0.00026, 0.00024, 0.00029), "kg m2", "0.00026 kg m2"),
+        ((2.618e-5, 2.6171e-5, 2.6189e-5), "kg m2", "2.62e-5 kg m2"),
+        ((0.0, -0.5, 0.5), "N", "0 mN"),
+        ((2.0, math.nan, math.nan), "rad", "2 rad"),
+    ],
+)
+def test_a_value_without_its_interval_has_no_digit_that_is_not_known(
+    ends: tuple[float, float, float], unit: str, text: str
+):
+    """Mutations: three digits of every value; all digits that are known; zeros left out."""
+    assert without_interval(*ends, unit) == text
 
 
 def test_errors_over_the_motion_have_no_infinity():

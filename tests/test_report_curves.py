@@ -18,6 +18,7 @@ from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.figures.diagnosis import residual_figure, run_lines, whole_run_figure
 from zwidth.figures.narrow import WIDTH, narrow_bytes
+from zwidth.figures.style import HELD_OUT
 from zwidth.report_curves import MOST, curves_of, program
 
 LINES = {
@@ -43,6 +44,7 @@ def quick() -> WholeRun:
     return replace(run(), measured=motion, simulated=simulated)
 
 
+TINT = [int(HELD_OUT[i : i + 2], 16) for i in (1, 3, 5)]
 NOISE = np.random.default_rng(1).normal(size=(3000, 1))
 WHITE = Residuals(0.001, NOISE, NOISE)
 
@@ -62,6 +64,16 @@ def test_curves_are_the_run_in_a_unit_that_fits():
     assert before["rms"] == "runs away"
     assert numbers(after["error"]) == pytest.approx(np.full(N, 1e-6), rel=1e-3)
     assert np.isinf(numbers(before["error"])[3000:]).all()
+    assert curve["under"]["width"] > 3.0 * 1.5  # of the lines that lie on it
+
+
+def test_a_run_that_was_not_fitted_is_tinted_and_says_so():
+    """As in the picture. Mutations: every run tinted; a tint without a word."""
+    held, fitted = curves_of([run(), replace(run(), held_out=False)], LINES)
+    assert held["ground"]["colour"] == HELD_OUT
+    assert held["name"].endswith(", kept out of the fit (tinted)")
+    assert fitted["ground"] is None
+    assert fitted["name"].endswith(", part of the fit")
 
 
 def test_curves_are_seen_on_a_dark_ground():
@@ -70,6 +82,8 @@ def test_curves_are_seen_on_a_dark_ground():
     for line in curve["runs"]:
         assert contrast(line["dark"], "#17191c") > 5.0
         assert line["label"] == "device file" or line["dark"] != line["colour"]
+        assert contrast(line["dark"], curve["ground"]["dark"]) > 4.5
+    assert contrast(curve["under"]["dark"], curve["ground"]["dark"]) > 3.0
 
 
 def contrast(one: str, other: str) -> float:
@@ -157,6 +171,12 @@ def test_a_browser_draws_and_zooms_them(tmp_path: Path):
         page.goto(page_file.as_uri())
         assert said == [page_file.as_uri()]  # nothing else is fetched, and nothing fails
         assert page.locator("canvas").count() == 2
+        tinted = """(c, tint) => {
+          const p = c.getContext("2d").getImageData(0, 0, c.width, c.height).data;
+          const same = (_, i) => tint.every((v, k) => p[4 * i + k] === v);
+          return Array.from({length: p.length / 4}, same).filter(Boolean).length * 4 / p.length;
+        }"""
+        assert page.locator("canvas").first.evaluate(tinted, TINT) > 0.3
         legend = page.locator(".u-legend").first.inner_text()
         assert 'with </script> & "what" was found' in legend
         whole = page.locator("canvas").nth(1).screenshot()

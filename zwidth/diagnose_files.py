@@ -16,7 +16,7 @@ from zwidth.console import Column, Console
 from zwidth.diagnosis.answer.held_out import models_of
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
-from zwidth.diagnosis.answer.words import negligible_in_words, worth_in_words
+from zwidth.diagnosis.answer.words import negligible_in_words, own_parameter, worth_in_words
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -27,6 +27,7 @@ from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
     assumptions,
+    changes_in_words,
     effect_at,
     error,
     estimate,
@@ -433,6 +434,10 @@ def _stretches(
 def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     before = f"{INTERRUPTED}: " if found.interrupted else ""
     console.say(f"\n{before}{found.headline}\n")
+    for change in changes_in_words(found):
+        console.say(f"changes over time: {change}")
+    for event in found.events:
+        console.say(f"happened once: {event.sentence}")
     for doubt in assumed:  # an answer is as right as these are
         console.say(f"assumed: {doubt}")
     for caution in found.cautions:
@@ -445,7 +450,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     rows = [
         [
             effect_at(found, f.effect, f.at),
-            name.replace("_", " "),
+            own_parameter(name),
             estimate(value),
             number(f.separation_sigma),
         ]

@@ -1,5 +1,6 @@
 """The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
 
+import json
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -19,8 +20,10 @@ from zwidth.diagnosis.answer.result import (
 )
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.answer.words import (
+    IF_RIGHT,
     effect_in_words,
     negligible_in_words,
+    own_parameter,
     parameter_in_words,
     place_in_words,
     worth_in_words,
@@ -33,7 +36,6 @@ from zwidth.diagnosis_summary import (
     SHORT,
     how_sure,
     law_errors,
-    missing,
     no_better,
     title,
     what_now,
@@ -104,16 +106,23 @@ def save_report(
     """Write the report; boundary: the stiffest wall before and after. Returns the path.
 
     drawn: the pictures of an earlier report of the diagnosis, which are taken, and to which new
-    ones are added. A picture that fails is left out and named.
+    ones are added. A picture that fails is left out and named. Those of the smallest events and
+    changes are left out where the file would become larger than `WHOLE`.
     """
     top = max(diagnosis.located.maps, key=lambda m: m.gained, default=None)
     curves: list[dict[str, Any]] = []
+    drawn = {} if drawn is None else drawn
     with collecting(silent) as mishaps:
-        pictures = _pictures(diagnosis, boundary, {} if drawn is None else drawn)
         with isolated("curves"):
             curves = _curves(diagnosis)
+        room = WHOLE - TEXT - len(json.dumps(curves))
+        pictures = _pictures(diagnosis, boundary, drawn, room)
         errors = list(dict.fromkeys((*diagnosis.errors, *mishaps.found)))
     states = diagnosis.located.state if densest(diagnosis.located.state) else []
+
+    def rival(other: Rival) -> str:
+        return effect_at(diagnosis, other.effect, other.at)
+
     text = page(
         "diagnosis_report.html",
         {
@@ -124,6 +133,8 @@ def save_report(
             "worth": worth_in_words,
             "percent": percent,
             "words": in_words,
+            "parameter": own_parameter,
+            "rival": rival,
             "odds": most,
             "error": error,
             "output": output_in_words,
@@ -133,7 +144,6 @@ def save_report(
         found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
         title=title(diagnosis),
-        missing=missing(diagnosis),
         sure=how_sure(diagnosis, in_words(diagnosis.sentence)),
         worth=worth(diagnosis),
         where=whereabouts(diagnosis),
@@ -147,12 +157,17 @@ def save_report(
         gain=gain_sentence(diagnosis),
         scale=scale_sentence(diagnosis),
         linear=linear_words(diagnosis),
+        changed=changes_in_words(diagnosis),
         bounds=_bounds(diagnosis),
         recordings=recordings,
         commands=commands,
         boundary=boundary,
         errors=errors,
         pictures=pictures,
+        left_out={
+            kind: sum(not text and key.startswith(kind) for key, text in drawn.items()) // 2
+            for kind in ("event", "change")
+        },
         curves=curves,
         program=program(),
         place="" if top is None else place_in_words(place_at(top.place), masses_of(diagnosis)),
@@ -182,12 +197,18 @@ def save_unanswered(
 
 NARROW = " narrow"  # after the name of a picture, for the one that a phone shows
 PICTURES = ("motion", "missing force", "residual", "friction", "law", "force", "boundary")
+WHOLE = 3_000_000  # characters of a report, so that it can be sent by mail
+TEXT = 200_000  # of these, for all that is neither a picture nor a curve
 
 
 def _pictures(
-    diagnosis: Diagnosis, boundary: "AugmentedBoundary | None", drawn: dict[str, str]
+    diagnosis: Diagnosis, boundary: "AugmentedBoundary | None", drawn: dict[str, str], room: int
 ) -> dict[str, str]:
-    """The pictures by their names, "" for one that there is not, or that failed."""
+    """The pictures by their names, "" for one that there is not, or that failed.
+
+    Of events and changes, those with the largest gain, as far as all pictures have `room`; the
+    others are "" in `drawn`, too.
+    """
     # matplotlib is loaded here and no earlier: what fails before needs no picture.
     from zwidth.figures import diagnosis as figures
     from zwidth.figures.narrow import narrow_bytes
@@ -212,24 +233,31 @@ def _pictures(
         from zwidth.figures.learned_surface import law_figure
 
         draw["law"] = partial(law_figure, law, rotary)
+    gained: dict[str, float] = {}
     for i, change in enumerate(diagnosis.changes):
         from zwidth.figures.changes import changes_figure
 
         draw[f"change {i + 1}"] = partial(changes_figure, change)
+        gained[f"change {i + 1}"] = change.gained
     for i, event in enumerate(diagnosis.events):
         from zwidth.figures.events import events_figure
 
         draw[f"event {i + 1}"] = partial(events_figure, event)
+        gained[f"event {i + 1}"] = event.gained
     if boundary is not None:
         from zwidth.figures.augmented_boundary import augmented_boundary_figure
 
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
-    for name, figure in draw.items():
-        if name not in drawn:
+    for name in sorted(draw, key=lambda name: -gained.get(name, math.inf)):
+        both = (name, name + NARROW)
+        if name not in drawn and (room > 0 or name not in gained):
             with isolated("picture", name):
-                picture = figure()
-                drawn[name] = embedded(picture_bytes(picture))
-                drawn[name + NARROW] = embedded(narrow_bytes(picture))
+                picture = draw[name]()
+                pair = embedded(picture_bytes(picture)), embedded(narrow_bytes(picture))
+                drawn.update(zip(both, pair, strict=True))
+        room -= sum(len(drawn.get(key, "")) for key in both)
+        if name in gained and room < 0:
+            drawn.update(dict.fromkeys(both, ""))
     names = dict.fromkeys((*PICTURES, *draw))
     return {n: drawn.get(n, "") for name in names for n in (name, name + NARROW)}
 
@@ -280,6 +308,12 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
     return [*commands.assumed, *said]
 
 
+def changes_in_words(found: Diagnosis) -> list[str]:
+    """What changed, with a doubt if something else is missing; without full stops."""
+    doubt = IF_RIGHT if found.verdict is Verdict.UNKNOWN_PHYSICS else ""
+    return [f"{doubt}{change.sentence}" for change in found.changes]
+
+
 def verdict_line(diagnosis: Diagnosis) -> str:
     """The verdict by its name, the effects as device files write them, and what is not yet said."""
     names = ", ".join(f"{f.effect} at {f.at}" for f in diagnosis.findings)
@@ -327,7 +361,7 @@ def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
             none = parameter.none_of_it()
             size = with_unit(abs(value - none), parameter.unit_for(diagnosis.device.rotary), 3)
             said = f"within {size} of {plain(none)}" if none else f"below {size}"
-            rows.append((effect_at(diagnosis, effect, at), name.replace("_", " "), said))
+            rows.append((effect_at(diagnosis, effect, at), own_parameter(name), said))
     return rows
 
 

@@ -3,11 +3,12 @@
 import math
 
 from zwidth.diagnosis.answer.result import Diagnosis, NextExperiment, Verdict
-from zwidth.diagnosis.answer.words import effect_in_words, place_in_words
+from zwidth.diagnosis.answer.words import an_effect, effect_in_words, place_in_words, the_effect
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import most, of_the_motion, percent, plain, with_unit
 
-ENOUGH = 5.0  # sigma from which two explanations count as told apart
+ENOUGH = VERDICT.apart
 LISTED = 3  # effects in a title
 BETTER = 1.02  # times smaller an error has to become to be called better; as many larger, worse
 SHORT = "error of short free runs on held-out data"
@@ -47,12 +48,6 @@ def title(found: Diagnosis) -> str:
     return f"{WITH[found.verdict]}{colon} {listed}"
 
 
-def missing(found: Diagnosis) -> str:
-    """The headline without the worth of a law, which stands in a line of its own."""
-    law = found.learned
-    return found.headline if law is None else found.headline.replace(f"; {law.worth}", "")
-
-
 def whereabouts(found: Diagnosis) -> str:
     """Say what the missing force depends on; "" where the effects found say it better.
 
@@ -69,18 +64,28 @@ def how_sure(found: Diagnosis, sentence: str) -> str:
     Without a full stop, as the others. Does not repeat what the headline says; may be "".
     """
     if found.verdict is not Verdict.IDENTIFIED or not found.findings:
-        if sentence.lower() not in missing(found).lower():
+        if sentence.lower() not in found.headline.lower():
             return f"{sentence}{_explained(found)}"
         unknown = found.verdict is Verdict.UNKNOWN_PHYSICS
         none = "no effect of the library explains it" if unknown and not found.findings else ""
         return (none + _explained(found)).removeprefix(". ")
     sigma = min(f.separation_sigma for f in found.findings)
-    chances = [f.probability for f in found.findings if f.probability is not None]
-    chance = f"the probability is {most(min(chances))}; " if chances else ""
     which = "the least certain effect" if len(found.findings) > 1 else "the effect"
     if not sigma < math.inf:
         return f"{sentence}: the distance from the next explanation is not known"
-    return f"{chance}{which} improves the fit by {sigma:.0f} sigma ({ENOUGH:.0f} are required)"
+    fit = f"improves the fit by {sigma:.0f} sigma ({ENOUGH:.0f} are required)"
+    return f"{_probable(found, which)}{which} {fit}"
+
+
+def _probable(found: Diagnosis, which: str) -> str:
+    """Say how probable the least probable effect is, by the figure that the verdict uses."""
+    known = [(f.with_richer, f) for f in found.findings if f.with_richer is not None]
+    chance, least = min(known, key=lambda pair: pair[0], default=(None, None))
+    if chance is None or least is None:
+        return ""
+    alone = least.probability is None or most(least.probability) == most(chance)
+    counted = "" if alone else f", counting richer forms of {which}"
+    return f"the probability is {most(chance)}{counted} ({most(VERDICT.sure)} is required); "
 
 
 def _explained(found: Diagnosis) -> str:
@@ -88,8 +93,8 @@ def _explained(found: Diagnosis) -> str:
         return ""
     if found.verdict is not Verdict.UNKNOWN_PHYSICS:
         return ""
-    share = most(min(1.0, max(0.0, found.adequacy.explained)))
-    return f". The named effects explain {share} of the error"
+    share = f"{most(min(1.0, max(0.0, found.adequacy.explained)))} of the error"
+    return "" if share in found.headline else f". The named effects explain {share}"
 
 
 def law_errors(found: Diagnosis) -> tuple[float, float] | None:
@@ -211,14 +216,58 @@ def what_now(found: Diagnosis, improved: str) -> list[str]:
         steps.append(
             "look at where the missing force acts, below; docs/after_a_verdict.md lists what to try"
         )
-    return steps
+    planned = found.next_experiment is not None or found.next_level is not None
+    return steps if planned else [*steps, *filter(None, [_record(found)])]
+
+
+def _record(found: Diagnosis) -> str:
+    """Say what to record next where no experiment was planned, or why nothing; "" if it is said."""
+    masses = found.device.chain.masses.size
+    if found.verdict is Verdict.IDENTIFIED:
+        return (
+            "nothing more has to be recorded; to test the answer, record at another level or speed"
+            " and diagnose this with the improved device"
+        )
+    if found.verdict is Verdict.UNKNOWN_PHYSICS:
+        return (
+            "no next recording is proposed: that is only done to tell two effects of the library"
+            " apart"
+        )
+    if found.verdict is not Verdict.CONFUSABLE:
+        return ""
+    for f in found.findings:
+        if f.confusable_with:
+            near = f.confusable_with[0]
+            other = f"{an_effect(near.effect)} {place_in_words(place_at(near.at), masses)}"
+            return (
+                f"no excitation was found that tells {the_effect(f.effect)} from {other}: measure"
+                " one of the two directly, or record at another level and speed and diagnose both"
+                " recordings together"
+            )
+    known = [f for f in found.findings if f.with_richer is not None]
+    least = min(known, key=lambda f: f.with_richer or 0.0, default=None)
+    if least is not None and (least.with_richer or 0.0) < VERDICT.sure:
+        return (
+            f"no single rival makes {the_effect(least.effect)} doubtful, so no experiment is"
+            " planned: record for longer, or at another level, and diagnose both recordings"
+            " together"
+        )
+    if found.events:
+        return (
+            "record again without touching the device, and diagnose this recording: what looked"
+            " like contacts must be gone"
+        )
+    return (
+        "no experiment is planned to tell an effect from a law outside the library: record at"
+        " another level and speed, and diagnose both recordings together"
+    )
 
 
 def next_sentence(planned: NextExperiment | None) -> str:
     """Say what to record next, and whether that would decide; "" if nothing is in doubt."""
     if planned is None:
         return ""
-    a, b = (effect_in_words(label).replace("@", " at ") for label in planned.separates)
+    a, b = map(_label_in_words, planned.separates)
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     if planned.separation_sigma >= ENOUGH:
@@ -231,3 +280,10 @@ def next_sentence(planned: NextExperiment | None) -> str:
         f" {sigma} of the {plain(ENOUGH, 1)} that are needed; record it longer or stronger"
         f" ({planned.scenario.name} plays it), or measure one of the two directly"
     )
+
+
+def _label_in_words(label: str) -> str:
+    """Return EFFECT@PLACE in words: "Coulomb friction at m1", "a dead band in the command"."""
+    effect, _, at = label.partition("@")
+    where = f"at {at}" if place_at(at).kind == "mass" else place_in_words(place_at(at), 0)
+    return f"{an_effect(effect)} {where}"

@@ -14,6 +14,7 @@
   const runs = JSON.parse(document.getElementById("curves-data").textContent);
   let drawn = [];
   const wide = () => Math.min(place.parentElement.clientWidth, 736);
+  const shade = (one) => (dark.matches ? one.dark : one.colour);
   const draw = (run, title, height, time, series, columns, ink) => {
     const axis = {stroke: ink, grid, ticks: grid, font: "12px sans-serif", labelFont: "12px sans-serif"};
     drawn.push(new uPlot({
@@ -22,6 +23,11 @@
       axes: [{...axis, label: "time [s]"}, {...axis, label: title, size: 70}],
       series: [{label: "time [s]"}, ...series],
       cursor: {sync: {key: run.name}, drag: {x: true, y: false}},
+      legend: {markers: {fill: (_, i) => (i && series[i - 1].width > 2 ? series[i - 1].stroke : null)}},
+      hooks: {drawClear: run.ground ? [(u) => {
+        u.ctx.fillStyle = shade(run.ground);
+        u.ctx.fillRect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+      }] : []},
     }, [time, ...columns], place));
   };
   const drawAll = () => {
@@ -36,11 +42,11 @@
       const errors = run.runs.map((one) => decoded(one.error));
       const time = measured.map((_, i) => run.begins + i * run.period);
       const lines = run.runs.map((one) => ({
-        label: one.label, stroke: dark.matches ? one.dark : one.colour, width: 1.5, dash: one.dashes,
+        label: one.label, stroke: shade(one), width: 1.5, dash: one.dashes,
       }));
       const said = lines.map((line, i) => ({...line, label: `${line.label}, ${run.runs[i].rms}`}));
       draw(run, `${run.quantity} [${run.unit}]`, 260, time,
-        [{label: "measured", stroke: ink, width: 1}, ...said],
+        [{label: "measured", stroke: shade(run.under), width: run.under.width, points: {show: false}}, ...said],
         [measured, ...errors.map((e) => sum(measured, e))], ink);
       draw(run, `error [${run.unit}]`, 210, time, lines, errors, ink);
     }

@@ -10,10 +10,11 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.figures.style import ON_DARK
+from zwidth.figures.style import HELD_OUT, MEASURED, ON_DARK
 from zwidth.sim.readable import percent, scaled, with_unit
 
 MOST = 120_000  # numbers of all curves, so that a report stays below 3 MB
+WIDE = 7.0  # pixels of the measured line, which is seen on both sides of a line that lies on it
 DASHES = {"-": [], "--": [8, 4], ":": [2, 3]}
 # run -> label, colour, dashes, as in the pictures of a report
 Lines = dict[str, tuple[str, str, str]]
@@ -37,13 +38,16 @@ def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
     factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
     quantity, _, at = run.output.partition("_")
     measured = np.where(run.known, run.measured, np.nan)
-    name = f"{run.recording}, {quantity} of {at}"
+    held = "kept out of the fit (tinted)" if run.held_out else "part of the fit"
+    name = f"{run.recording}, {quantity} of {at}, {held}"
     if every > 1:
         name += f", one of {every} samples"
     return {
         "name": name, "quantity": quantity, "unit": unit,
         "begins": run.begins, "period": run.period * every,
         "measured": _encoded(factor * measured[::every]),
+        "under": {"colour": MEASURED, "dark": ON_DARK[MEASURED], "width": WIDE},
+        "ground": {"colour": HELD_OUT, "dark": ON_DARK[HELD_OUT]} if run.held_out else None,
         "runs": [
             {
                 "label": label,

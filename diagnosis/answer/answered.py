@@ -1,5 +1,6 @@
 """Turns the result of the search into the answer: locates the difference and judges the model."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 from zwidth.diagnosis.account import stage
 from zwidth.diagnosis.answer.augmented import improved
 from zwidth.diagnosis.answer.band import with_band
-from zwidth.diagnosis.answer.changes import outlived
+from zwidth.diagnosis.answer.changes import Change, outlived
 from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
 from zwidth.diagnosis.answer.events import CONTACTS, Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
@@ -21,7 +22,7 @@ from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Diagnosis, Residuals, Ve
 from zwidth.diagnosis.answer.stands import Stands, ends_badly, what_stands
 from zwidth.diagnosis.answer.verdict import NAMES_STAND, Facts, Reason, reason
 from zwidth.diagnosis.answer.whole_run import whole_runs
-from zwidth.diagnosis.answer.words import cautions, headline, where, why
+from zwidth.diagnosis.answer.words import IF_RIGHT, cautions, headline, where, why
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
@@ -91,11 +92,10 @@ def answered(
         said = law.found
         changes = outlived(changes, law.found)
         runs = attempt("whole runs", "", partial(whole, law=law.found)) or runs
-    also = [event.sentence for event in events]
-    if changes:  # a parameter may seem to change because a law is missing
-        doubt = "if this model is right, "
-        doubt = doubt if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS else ""
-        also.insert(0, doubt + "; ".join(change.sentence for change in changes))
+    changed, happened = _in_short(changes, events)
+    unknown = reason(facts).verdict is Verdict.UNKNOWN_PHYSICS
+    doubted = [f"{IF_RIGHT}{words}" for words in changed] if unknown else []
+    also = happened if unknown else [*changed, *happened]
     untried = dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates"))
     untried = [f"{', '.join(untried)} could not be tried"] if untried else []
     refit_white, white = (
@@ -116,10 +116,21 @@ def answered(
         found, taken.whole, stands.halted or halted, _facts(found, stands.left.gained),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=stands.sound,
         whole_runs=runs, force_errors=forces, learned=law,
-        headline="; ".join([headline(facts), *also]),
+        headline=headline(facts, also, doubted),
         cautions=(*cautions(findings, free, runs), *filter(None, [hint])), changes=changes,
         events=events, next_level=level, negligible=negligible,
     )  # fmt: skip
+
+
+def _in_short(changes: Sequence[Change], events: Sequence[Event]) -> tuple[list[str], list[str]]:
+    """Say in short what changed, and what happened once: of each the first, the rest counted."""
+    changed = [change.short for change in changes[:1]]
+    if (more := len(changes) - 1) > 0:
+        changed[0] += f", and {more} more parameter{'s' if more > 1 else ''} changed"
+    happened = [event.short for event in events[:1]]
+    if (more := len(events) - 1) > 0:
+        happened[0] += f", and {more} more event{'s' if more > 1 else ''}"
+    return changed, happened
 
 
 def _law(

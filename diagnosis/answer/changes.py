@@ -11,7 +11,7 @@ compared.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -23,11 +23,13 @@ from zwidth.diagnosis.answer.findings import UNITS, half_width
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.answer.words import (
-    effect_in_words,
     listed,
+    own_parameter,
     parameter_in_words,
     place_in_words,
     said,
+    short,
+    the_effect,
     times_in_words,
 )
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
@@ -69,6 +71,8 @@ RIVALS = 8  # hypotheses of the search that are fitted anew with a change
 FINE = 400  # points of a line
 PARTS, LEAST = 8, 3 * SETTLING  # parts of held-out data while a drift goes on, and their samples
 RUNS = 2  # free runs before a change in held-out data, with which these still judge
+# Courses that are no plain words -> how they are said.
+AS_WELL = {RUN: "one recording unlike the others", EACH: "another value in each recording"}
 
 
 @dataclass(frozen=True)
@@ -144,58 +148,68 @@ class Change(Valued):
         where = place_in_words(place_at(self.place), self.masses)
         if self.against is not None:
             return f"the constant force {where}"
-        return f"the {self.parameter.replace('_', ' ')} of {effect_in_words(self.effect)} {where}"
+        return f"the {own_parameter(self.parameter)} of {the_effect(self.effect)} {where}"
 
     @property
     def sentence(self) -> str:
         """Say what changed, by how much, and when."""
         if not self.as_well:
-            return self._alone
-        return f"{self._alone} ({' or '.join(self.as_well)} would explain the change equally well)"
+            return self._told(said)
+        others = [AS_WELL.get(one, one) for one in self.as_well]
+        return f"{self._told(said)}; {listed(others, 'or', len(others))} would explain it as well"
 
     @property
-    def _alone(self) -> str:
-        how = "rose" if self.by.value > 0.0 else "fell"
+    def short(self) -> str:
+        """Say what changed, without intervals; and not when, if it may have been otherwise."""
+        if not self.as_well:
+            return self._told(short)
+        if self.shape not in (STEP, DRIFT, SETTLES):
+            return f"{self.what} is not constant"
+        return f"{self.what} {self._rose} by {short(_size(self.by))}"
+
+    @property
+    def _rose(self) -> str:
+        return "rose" if self.by.value > 0.0 else "fell"
+
+    def _told(self, say: Callable[[Estimate], str]) -> str:
+        """Say what changed, by how much, and when; say: of a value, with or without intervals."""
+        how, ends, briefly = self._rose, "", say is short
+        by, first, last = say(_size(self.by)), say(self.before), say(self.after)
         if self.shape == RUN:
             if self._apart:
-                first, last = said(self.before), said(self.after)
                 return f"{self.what} was {first} in {self.recording}, and {last} in all others"
             more = "more" if self.by.value < 0.0 else "less"
-            return (
-                f"{self.what} was {said(_size(self.by))} {more} in {self.recording} than in all"
-                f" others, where it was {said(self.after)}"
-            )
+            where = "" if briefly else f", where it was {last}"
+            return f"{self.what} was {by} {more} in {self.recording} than in all others{where}"
         if self.each:
-            values = listed([f"{said(value)} in {name}" for name, value in self.each])
+            values = listed([f"{say(value)} in {name}" for name, value in self.each])
             return f"{self.what} differs from recording to recording: {values}"
         if self.covariate is not None and self.covariate_ends is not None:
+            how = f"depends on {self.covariate}: it {how}"
             low, high = (f"{plain(v, 3)} {self.covariate_unit}" for v in self.covariate_ends)
-            over = f"between {low.rstrip()} and {high.rstrip()}"
-            return f"{self.what} depends on {self.covariate}: it {how} {self._course} {over}"
-        if self.shape == SETTLES:
+            when = f"between {low.rstrip()} and {high.rstrip()}"
+        elif self.shape == SETTLES:
             how, when = "settled", f"with a time constant of {plain(self.rate or 0.0, 2)} s"
             if self.rate_between is not None:
                 low, high = (plain(v, 2) for v in self.rate_between)
-                when += f" ({low} to {high} s)"
+                ends = f" ({low} to {high} s)"
         elif self.shape == DRIFT:
             how, when = "drifted", "over the whole time"
         elif self.at is None or self.between is None:
             when = f"from {self.recording} on"
         else:
             at, low, high = times_in_words(self.at, self.between)
-            when = f"at {at} s ({low} to {high} s)"
-        return f"{self.what} {how} {self._course} {when}"
+            when, ends = f"at {at} s", f" ({low} to {high} s)"
+        when += "" if briefly else ends
+        if self._apart:
+            return f"{self.what} {how} from {first} to {last} {when}"
+        before = "" if briefly else f"; at first, it was {first}"
+        return f"{self.what} {how} by {by} {when}{before}"
 
     @property
     def _apart(self) -> bool:
         """Whether the intervals of both values do not overlap."""
         return self.before.upper < self.after.lower or self.after.upper < self.before.lower
-
-    @property
-    def _course(self) -> str:
-        if self._apart:
-            return f"from {said(self.before)} to {said(self.after)}"
-        return f"by {said(_size(self.by))} from {said(self.before)}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""

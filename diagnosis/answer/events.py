@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import Estimate
-from zwidth.diagnosis.answer.words import place_in_words, said, times_in_words
+from zwidth.diagnosis.answer.words import place_in_words, said, short, times_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
@@ -114,8 +114,7 @@ class Event(Valued):
         return "" if self.stop is None else f" at {with_unit(self.stop, self.course.length, 3)},"
 
     @property
-    def sentence(self) -> str:
-        """Say what happened, when, and with which impulse and energy."""
+    def _when(self) -> str:
         when = f"at {times_in_words(self.at, self.between)[0]} s"
         if self.until is not None and self.until_between is not None:
             first, last = (
@@ -123,14 +122,44 @@ class Event(Valued):
                 for at in ((self.at, self.between), (self.until, self.until_between))
             )
             when = f"from {first} to {last} s"
+        return when
+
+    @property
+    def _most(self) -> str:
+        assert self.force is not None
+        return with_unit(abs(self.force.value), self.force.unit, 2)
+
+    @property
+    def short(self) -> str:
+        """Say what happened and when: "a hit of 12 mN m s at the motor at 3.2 s"."""
+        if self.kind == UNEXPLAINED:
+            return f"readings {self._when} that no contact explains"
         if self.kind == SLIP:
             assert self.slip is not None
-            return f"a slip {self.where} by {said(self.slip)} {when}"
-        assert self.force is not None
+            return f"a slip {self.where} by {short(self.slip)} {self._when}"
         assert self.impulse is not None
-        assert self.energy is not None
         size = with_unit(self.impulse.value, self.impulse.unit, 2).removeprefix("-")
-        most = with_unit(abs(self.force.value), self.force.unit, 2)
+        what = {
+            HIT: f"a hit of {size} {self.where}",
+            STOP: f"a hit of {size} on a stop{self._end} {self.where}",
+            JAM: f"a jam {self.where} with a force of up to {self._most},",
+            TOUCH: f"a hand or another contact {self.where} with a force of up to {self._most},",
+            PUSH: f"a push of {size} {self.where}",
+        }[self.kind]
+        return f"{what} {self._when}"
+
+    @property
+    def sentence(self) -> str:
+        """Say what happened, when, and with which impulse and energy."""
+        if self.kind == SLIP:
+            assert self.slip is not None
+            return f"a slip {self.where} by {said(self.slip)} {self._when}"
+        if self.kind == UNEXPLAINED:
+            return (
+                f"{self.short}: as under a force of up to {self._most} {self.where} that pushes one"
+                " way and then the other"
+            )
+        assert self.energy is not None
         work = with_unit(abs(self.energy.value), "J", 2)
         did = (
             f"gave the device {work}" if self.energy.value > 0.0 else f"took {work} from the device"
@@ -138,19 +167,7 @@ class Event(Valued):
         if self.energy.lower < 0.0 < self.energy.upper:
             most_work = max(-self.energy.lower, self.energy.upper)
             did = f"changed the device's energy by less than {with_unit(most_work, 'J', 2)}"
-        if self.kind == UNEXPLAINED:
-            return (
-                f"readings {when} that no contact explains: as under a force of up to {most} "
-                f"{self.where} that pushes one way and then the other"
-            )
-        what = {
-            HIT: f"a hit of {size} {self.where}",
-            STOP: f"a hit of {size} on a stop{self._end} {self.where}",
-            JAM: f"a jam {self.where} with a force of up to {most},",
-            TOUCH: f"a hand or another contact {self.where} with a force of up to {most},",
-            PUSH: f"a push of {size} {self.where}",
-        }[self.kind]
-        return f"{what} {when} {did}"
+        return f"{self.short} {did}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""

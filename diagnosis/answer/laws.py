@@ -70,7 +70,7 @@ class Law(ABC, Valued):
     @property
     @abstractmethod
     def extent(self) -> str:
-        """Say the law's size, state, form, and worth."""
+        """Say the law's size, state, and form."""
 
     @abstractmethod
     def headline(self, masses: int) -> str:
@@ -158,20 +158,20 @@ class LearnedLaw(Law):
 
     @property
     def extent(self) -> str:
-        """Say the law's size, state, form, and worth."""
+        """Say the law's size, state, and form."""
         reads = self.curve.physics.effect.name == "free_sensor"
         unit = ("rad" if self.rotary else "m") if reads else self.force_unit
         most = with_unit(float(np.abs(law_at(self.curve.physics, self.curve.seen)).max()), unit, 2)
         alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
-        return f"it reaches {most} and depends on {self.over}{self._looks(alike)}; {self.worth}"
+        return f"it reaches {most} and depends on {self.over}{self._looks(alike)}"
 
     def headline(self, masses: int) -> str:
         """Return the first line of an answer: where the law acts, and its extent."""
         curve = self.curve
         name = curve.physics.effect.name
         acts = {
-            "free_amplifier": "the command has an error that is not in the library of effects",
-            "free_sensor": "the reading has an error that is not in the library of effects",
+            "free_amplifier": "the command has an error outside the library of effects",
+            "free_sensor": "the reading has an error outside the library of effects",
         }.get(name, _acts(place_in_words(curve.physics.place, masses)))
         return f"{acts}: {self.extent}"
 
@@ -313,11 +313,11 @@ class LearnedSurface(Law):
 
     @property
     def extent(self) -> str:
-        """Say the law's size, states, form, and worth."""
+        """Say the law's size, states, and form."""
         most = float(np.abs(self.curve.at(*self.curve.seen.T)).max())
         looks = f" (approximately {self.form})" if self.forms else ""
         size = with_unit(most, self.force_unit, 2)
-        return f"it reaches {size} and depends on both {self.over}{looks}; {self.worth}"
+        return f"it reaches {size} and depends on both {self.over}{looks}"
 
     def headline(self, masses: int) -> str:
         """Return the first line of an answer: where the law acts, and its extent."""
@@ -457,7 +457,7 @@ def _quantiles(seen: Floats) -> dict[str, float]:
 
 def _acts(at: str) -> str:
     """A force without a name, and where it acts, in words."""
-    return f"a force that is not in the library of effects acts {at}"
+    return f"a force outside the library of effects acts {at}"
 
 
 def _a(form: str) -> str:

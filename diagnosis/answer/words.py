@@ -1,12 +1,14 @@
 """All sentences of an answer; terminal, report and JSON take them from here.
 
 The headline says what is missing, how much, and where, as an engineer would: "Coulomb friction of
-20.1 mN m (19.7 to 20.5) at the motor is missing". `why` gives the reason for the verdict.
+20.1 mN m at the motor is missing". Intervals are in the table beside it; a headline that would be
+too long leaves out sizes, too. `why` gives the reason for the verdict.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut
@@ -19,9 +21,19 @@ from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import Place, place_at
 from zwidth.sim.predict import OVERFLOW
-from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
+from zwidth.sim.readable import (
+    interval,
+    most,
+    of_the_motion,
+    percent,
+    plain,
+    with_unit,
+    without_interval,
+)
 
 LISTED = 3  # effects, rivals or parameters in a sentence; further ones are counted
+LONGEST = 40  # words, numbers and units of a headline, above which it gives fewer sizes
+IF_RIGHT = "if this model is right, "  # else a parameter may seem to change, as a law is missing
 UNNAMED = "something is missing that is not in the library of effects"
 
 
@@ -55,11 +67,17 @@ def said(value: Estimate) -> str:
     return interval(value.value, value.lower, value.upper, value.unit)
 
 
+def short(value: Estimate) -> str:
+    """Return a value without its interval, to three digits at most."""
+    return without_interval(value.value, value.lower, value.upper, value.unit)
+
+
 @dataclass(frozen=True)
 class _Said:
-    """A phrase with a value: {name} with its interval, {name:...} as named here."""
+    """A phrase with a value: {name}, with its interval if wanted, {name:...} as named here."""
 
     value: Estimate
+    intervals: bool
 
     def __format__(self, how: str) -> str:
         e = self.value
@@ -67,50 +85,51 @@ class _Said:
             case "alone":
                 return with_unit(e.value, e.unit, 3)
             case "percent":
-                return interval(100.0 * e.value, 100.0 * e.lower, 100.0 * e.upper, "%")
+                to = interval if self.intervals else without_interval
+                return to(100.0 * e.value, 100.0 * e.lower, 100.0 * e.upper, "%")
             case "hertz":
                 return f"{1.0 / (2.0 * math.pi * e.value):.3g} Hz"
             case "force":
                 return "torque" if e.unit.startswith("N m") else "force"
+            case "brief":
+                return short(e)
             case _:
-                return said(e)
+                return said(e) if self.intervals else short(e)
 
 
 # effect -> its name with its values.
 SAYINGS = {
     "coulomb_friction": "Coulomb friction of {level}",
-    "stribeck_friction": "friction of {level}, {static_level} at rest (Stribeck),",
+    "stribeck_friction": "Stribeck friction of {level} ({static_level:brief} at rest)",
     "rising_friction": "friction that rises from {static_level} at rest to {level} in sliding",
-    "presliding_friction": (
-        "friction of {level} that yields with a stiffness of {stiffness} before it slides"
-    ),
+    "presliding_friction": "presliding friction of {level}",
     "directional_friction": "friction of {level_plus} forwards and {level_minus} backwards",
     "load_friction": "friction of {ratio} times the load",
     "quadratic_drag": "quadratic drag of {coefficient}",
     "constant_force": "a constant {level:force} of {level}",
     "ground_spring": "a spring of {stiffness} to the ground",
-    "gravity_pendulum": "the gravity of a pendulum, {level},",
+    "gravity_pendulum": "pendulum gravity of {level}",
     "force_ripple": "a ripple of {amplitude} every {period:alone}",
     "backlash": "play of {gap}",
     "cubic_stiffness": "a cubic part of {coefficient} in the spring",
     "hysteresis": "hysteresis of {level}",
-    "extra_mode": "a resonance at {hertz:.3g} Hz (a mass of {mass} on a spring)",
+    "extra_mode": "a resonance at {hertz:.3g} Hz",
     "servo_limit": "a limit of {limit} in the servo",
     "servo_dead_zone": "a dead zone of {half} in the servo",
     "servo_integral": "integral action of {rate} in the servo",
     "goal_rate_limit": "a servo goal that moves at {rate} at most",
     "falling_limit": "a limit of {limit} that falls with speed",
-    "open_winding": "a winding that opens while the drive is off ({damping} less damping)",
+    "open_winding": "a winding that opens while the drive is off ({damping:brief} less damping)",
     "rate_limit": "a command that changes by {rate} at most",
     "saturation": "a limit of {limit}",
     "dead_band": "a dead band of {width}",
     "command_step": "a step of {step}",
     "actuator_lag": "a lag of {time_constant}",
-    "gain_asymmetry": "a gain that differs by direction (ratio {ratio})",
+    "gain_asymmetry": "a gain that differs by direction (ratio {ratio:brief})",
     "loop_delay": "a delay of {delay}",
     "dropped_samples": "a loss of {rate:percent} of the commands",
     "encoder_step": "an encoder step of {step}",
-    "encoder_eccentricity": "an eccentric encoder, {amplitude} every {period:alone},",
+    "encoder_eccentricity": "an encoder eccentricity of {amplitude} every {period:alone}",
     "rectified_sensor": "a sensor that reads the absolute value",
     "sensor_lag": "a lag of {time_constant}",
     "sensor_filter": "a second-order filter of {time_constant} ({time_constant:hertz})",
@@ -135,13 +154,64 @@ def effect_in_words(name: str) -> str:
     return words.replace("coulomb", "Coulomb").replace("stribeck", "Stribeck")
 
 
-def _at(effect: str, at: str, masses: int) -> str:
-    return f"{effect_in_words(effect)} {place_in_words(place_at(at), masses)}"
+# Endings of the names of effects that nobody counts: "friction", but "a dead band".
+UNCOUNTED = ("friction", "drag", "backlash", "stiffness", "hysteresis", "saturation", "asymmetry",
+             "samples", "eccentricity")  # fmt: skip
 
 
-def in_words(f: Finding, masses: int) -> str:
-    """Return a finding with its size and its place."""
-    values: dict[str, object] = {name: _Said(e) for name, e in f.parameters.items()}
+def an_effect(name: str) -> str:
+    """Return an effect's name as a sentence begins to speak of it: "friction", "a dead band"."""
+    words = effect_in_words(name)
+    if words.endswith(UNCOUNTED):
+        return words
+    return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
+
+
+def the_effect(name: str) -> str:
+    """Return an effect's name as one that is known: "Coulomb friction", "the dead band"."""
+    words = effect_in_words(name)
+    return words if words.endswith(UNCOUNTED) else f"the {words}"
+
+
+# Names of parameters that are no plain words -> how they are called.
+PARAMETERS = {
+    "level_plus": "forward level",
+    "level_minus": "backward level",
+    "viscous_plus": "forward damping",
+    "viscous_minus": "backward damping",
+}
+
+
+def own_parameter(name: str) -> str:
+    """Return the name of an effect's parameter in words: "static level", "level in run_2"."""
+    name, where_, word = name.partition(" in ")  # a value that some recordings have as their own
+    return f"{PARAMETERS.get(name, name.replace('_', ' '))}{where_}{word}"
+
+
+def _at(effect: str, at: str, masses: int, beside: Finding | None = None) -> str:
+    """Return an effect with its place; beside: a finding, whose name or place is not repeated."""
+    where_ = place_in_words(place_at(at), masses)
+    if beside is not None and beside.at == at:
+        return an_effect(effect)
+    if beside is not None and beside.effect == effect:
+        return where_
+    return f"{an_effect(effect)} {where_}"
+
+
+def in_words(f: Finding, masses: int, intervals: bool = False) -> str:
+    """Return a finding with its size, and with its interval if wanted, and its place."""
+    return " ".join(filter(None, _what_and_where(f, masses, intervals)))
+
+
+def _what_and_where(
+    f: Finding, masses: int, intervals: bool = False, sized: bool = True
+) -> tuple[str, str]:
+    """Return what was found, with its size if wanted, and where, "" where the first says it."""
+    placed = f.effect in PLACED or (f.effect == "ground_spring" and masses == 1)
+    where_ = "" if placed else place_in_words(place_at(f.at), masses)
+    if f.parameters and not sized:
+        return an_effect(f.effect), "" if f.effect.startswith(f.at) else where_  # sensor lag
+    values: dict[str, object] = {name: _Said(e, intervals) for name, e in f.parameters.items()}
     if {"stiffness", "mass"} <= f.parameters.keys():
         stiffness, mass = (f.parameters[name].value for name in ("stiffness", "mass"))
         still = not stiffness > 0.0 < mass
@@ -150,22 +220,34 @@ def in_words(f: Finding, masses: int) -> str:
         what = SAYINGS[f.effect].format_map(values)
     except KeyError:  # an effect without a phrase, or that lost a value to an error
         value = f.parameters.get(EFFECTS[f.effect].strength or "")
-        what = effect_in_words(f.effect) + ("" if value is None else f" of {said(value)}")
-    if f.effect in PLACED or (f.effect == "ground_spring" and masses == 1):
-        return what
-    return f"{what} {place_in_words(place_at(f.at), masses)}"
+        size = "" if value is None else f" of {said(value) if intervals else short(value)}"
+        what = effect_in_words(f.effect) + size
+    return what, where_
 
 
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """Return words as a list; those beyond `LISTED` are only counted."""
-    more = len(words) - LISTED
-    words = [*words[:LISTED], f"{more} more"] if more > 0 else list(words)
+def listed(words: Sequence[str], last: str = "and", first: int = LISTED) -> str:
+    """Return words as a list; those beyond the first ones are only counted."""
+    more = len(words) - first
+    words = [*words[:first], f"{more} more"] if more > 0 else list(words)
     return f" {last} ".join([*filter(None, [", ".join(words[:-1])]), *words[-1:]])
 
 
-def all_in_words(findings: Sequence[Finding], masses: int) -> str:
-    """Return findings as a list, the strongest first."""
-    return listed([in_words(f, masses).rstrip(",") for f in findings])
+def all_in_words(
+    findings: Sequence[Finding], masses: int, intervals: bool = False, sized: int = LISTED
+) -> str:
+    """Return findings as a list, the strongest first; a place that several share is said once.
+
+    sized: how many of them are given with their sizes, from the first on.
+    """
+    named = [_what_and_where(f, masses, intervals, i < sized) for i, f in enumerate(findings)]
+    shared = [(at, [what for what, _ in same])
+              for at, same in groupby(named[:LISTED], key=lambda pair: pair[1])]  # fmt: skip
+    if all(len(what) == 1 or not at for at, what in shared):
+        return listed([" ".join(filter(None, pair)) for pair in named])
+    parts = [" ".join(filter(None, (listed(what), at))) for at, what in shared]
+    if (more := len(named) - LISTED) > 0:
+        parts.append(f"{more} more")
+    return ", and ".join([*filter(None, [", ".join(parts[:-1])]), *parts[-1:]])
 
 
 def worth_in_words(f: Finding) -> str:
@@ -190,22 +272,37 @@ def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
     """Return a sentence on detected but negligible effects, "" for none."""
     if not findings:
         return ""
-    return f"detected, but too small to matter: {all_in_words(findings, masses)}"
+    return f"detected, but too small to matter: {all_in_words(findings, masses, intervals=True)}"
 
 
-def headline(f: Facts) -> str:
-    """Return the headline, a sentence without its full stop: first what is wrong, then the rest."""
-    because = reason(f)
-    words = _headline(f, because)
-    wrong = list(dict.fromkeys(_fault(fault) for fault in f.faults if fault.wrong))
-    if wrong:
-        clean = because is Reason.NOTHING
-        words = "; ".join(wrong) + ("" if clean else f"; with that corrected, {words}")
+def headline(f: Facts, also: Sequence[str] = (), doubted: Sequence[str] = ()) -> str:
+    """Return the headline, a sentence without its full stop: first what is wrong, then the rest.
+
+    also: what changed, and what happened once, in short. doubted: the same, if it is doubtful. A
+    headline longer than `LONGEST` leaves out sizes, those of the weakest effects first, and then
+    what is doubtful.
+    """
+    words = ""
+    for rest in ((*doubted, *also), also):
+        for sized in range(min(LISTED, len(f.findings)), -1, -1):
+            words = "; ".join([_whole(f, sized), *rest])
+            if len(words.split()) <= LONGEST:
+                return words[:1].upper() + words[1:]
     return words[:1].upper() + words[1:]
 
 
-def _headline(f: Facts, because: Reason) -> str:
-    names = all_in_words(f.findings, f.masses)
+def _whole(f: Facts, sized: int) -> str:
+    because = reason(f)
+    words = _headline(f, because, sized)
+    wrong = list(dict.fromkeys(_fault(fault) for fault in f.faults if fault.wrong))
+    if not wrong:
+        return words
+    clean = because is Reason.NOTHING
+    return "; ".join(wrong) + ("" if clean else f"; with that corrected, {words}")
+
+
+def _headline(f: Facts, because: Reason, sized: int) -> str:
+    names = all_in_words(f.findings, f.masses, sized=sized)
     is_ = "is" if len(f.findings) == 1 else "are"
     match because:
         case Reason.NOTHING:
@@ -217,16 +314,13 @@ def _headline(f: Facts, because: Reason) -> str:
         case Reason.RIVALS:
             return _rivals(f, names)
         case Reason.IMPROBABLE if f.doubtful is not None:
-            of = "" if len(f.findings) == 1 else f" of {effect_in_words(f.doubtful.effect)}"
+            of = "" if len(f.findings) == 1 else f" of {the_effect(f.doubtful.effect)}"
             odds = f"{100.0 * (f.doubtful.with_richer or 0.0):.0f} %"
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.DOUBTED:
-            return f"{names} {is_} missing, but {f.left.hint}"
+            return f"{names} {is_} missing, but {f.left.hint.partition(':')[0]}"
         case Reason.TOUCHED:
-            return (
-                f"{names} {is_} missing, unless what looks like {f.contacts} contacts is one law"
-                " that is not in the library of effects"
-            )
+            return f"{names} {is_} missing, if the {f.contacts} contacts in the recording were real"
         case Reason.LOST:
             return f"undecided: an internal error prevented {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
@@ -245,27 +339,25 @@ def _headline(f: Facts, because: Reason) -> str:
                 " effect of the library is significant"
             )
         case _:
-            return _unknown(f, because)
+            return _unknown(f, because, sized)
 
 
 def _rivals(f: Facts, names: str) -> str:
     """Name the first confusable effect and the effects that may be in its place."""
     confused = next(one for one in f.findings if one.confusable_with)
-    others = listed([_at(r.effect, r.at, f.masses) for r in confused.confusable_with], "or")
+    others = listed([_at(r.effect, r.at, f.masses, confused) for r in confused.confusable_with],
+                    "or")  # fmt: skip
     if len(f.findings) == 1:
         return f"{names}, or {others}: this recording cannot tell which is missing"
-    return (
-        f"{names} are missing; instead of the {effect_in_words(confused.effect)} it may be"
-        f" {others}: this recording cannot tell them apart"
-    )
+    return f"{names} are missing; {the_effect(confused.effect)} may instead be {others}"
 
 
-def _unknown(f: Facts, because: Reason) -> str:
+def _unknown(f: Facts, because: Reason, sized: int) -> str:
     """Say how much the named effects explain, and describe the rest."""
     detailed = because is Reason.MORE and f.law is not None and bool(f.law.curve.replaced)
     gone = () if f.law is None or detailed else f.law.curve.replaced
     named = [one for one in f.findings if f"{one.effect} at {one.at}" not in gone]
-    names = all_in_words(named, f.masses)
+    names = all_in_words(named, f.masses, sized=sized)
     is_ = "is" if len(named) == 1 else "are"
     if detailed and f.law is not None:
         return f"{names} {is_} missing; a learned curve describes this better: {f.law.extent}"
@@ -279,7 +371,7 @@ def _unknown(f: Facts, because: Reason) -> str:
         rest = f": {f.left.sentence}" if f.left.gained > 0.0 and f.left.sentence else ""
         return f"{UNNAMED}{rest}"
     if because is Reason.BAD:
-        return f"{UNNAMED}; the best explanation ({names}) is not acceptable: {f.bad}"
+        return f"{UNNAMED}; the best explanation, {names}, is not acceptable"
     share = None if f.sound is None else f.sound.explained
     if share is not None and share < 0.5:  # the named effects are not the answer then
         near = listed([effect_in_words(one.effect) for one in named])
@@ -287,12 +379,12 @@ def _unknown(f: Facts, because: Reason) -> str:
             f"{UNNAMED}; the nearest effects ({near}) explain {100.0 * max(0.0, share):.0f} % of"
             " the error"
         )
-    rest = (
-        "" if share is None or share >= 1.0 else f"; the named effects explain {most(share)} of the"
-    )
+    if share is None or share >= 1.0:
+        return f"{names} {is_} missing, and so is something that is not in the library of effects"
+    explain = "explains" if len(named) == 1 else "explain"
     return (
-        f"{names} {is_} missing, and so is something that is not in the library of effects{rest}"
-        f"{' error' if rest else ''}"
+        f"{names} {is_} missing and {explain} {most(share)} of the error; the rest is outside the"
+        " library of effects"
     )
 
 
@@ -303,21 +395,41 @@ def _linear(f: Facts) -> str:
         for name, (nominal, e) in f.refit.items()
         if nominal > 0.0 < e.value and not e.lower <= nominal <= e.upper
     ]
-    words = [_moved(name, nominal, e) for _, name, nominal, e in sorted(moved, reverse=True)]
-    differ = listed(words) or "linear parameters differ from the device file"
-    return f"no physics is missing, but {differ}"
+    moved.sort(reverse=True)
+    if not moved:
+        return f"no physics is missing, but {_differing(f)}"
+    if len(moved) == 1:
+        ((_, name, nominal, e),) = moved
+        ratio = e.value / nominal
+        off = _percent_off(ratio)
+        above = f"{off.lstrip('-+')} {'above' if ratio > 1.0 else 'below'}"
+        how = above if off else f"{plain(ratio, 3)} times"
+        is_ = f"{parameter_in_words(name, e.unit)} is {short(e)}"
+        return f"no physics is missing, but {is_}, {how} the device file's{_asked(ratio)}"
+    words: list[str] = []
+    for _, name, nominal, e in moved:
+        ratio = e.value / nominal
+        by = _percent_off(ratio) or f"a factor of {plain(ratio, 3)}"
+        words.append(f"{parameter_in_words(name, e.unit)} by {by}{_asked(ratio)}")
+    return f"no physics is missing, but parameters differ from the device file: {listed(words)}"
 
 
-def _moved(name: str, nominal: float, e: Estimate) -> str:
-    ratio = e.value / nominal
-    how = (
-        f"{100.0 * abs(ratio - 1.0):.2g} % {'above' if ratio > 1.0 else 'below'}"
-        if 0.2 < ratio < 2.0
-        else f"{plain(ratio, 3)} times"
-    )
+def _differing(f: Facts) -> str:
+    """Say which parameters differ: "the inertia m1 differs from the device file"."""
+    names = [parameter_in_words(name, f.refit[name][1].unit) for name in f.moved]
+    differ = "differs" if len(names) == 1 else "differ"
+    return f"{listed(names)} {differ} from the device file"
+
+
+def _percent_off(ratio: float) -> str:
+    """Return by how much a ratio differs from one, "" if that is better said as a factor."""
+    return f"{100.0 * (ratio - 1.0):+.2g} %" if 0.2 < ratio < 2.0 else ""
+
+
+def _asked(ratio: float) -> str:
+    """Return a wrong unit that would explain a ratio, as a question; "" for none."""
     unit = unit_of(ratio) if not 0.2 < ratio < 5.0 else None
-    asked = "" if unit is None else f" ({unit}?)"
-    return f"{parameter_in_words(name, e.unit)} is {said(e)}, {how} the device file's{asked}"
+    return "" if unit is None else f" ({unit}?)"
 
 
 def parameter_in_words(name: str, unit: str) -> str:
@@ -389,10 +501,11 @@ def why(f: Facts) -> str:
                 " found effects from the next best explanation"
             )
         case Reason.RIVALS:
-            told = f"other explanations are less than {VERDICT.apart:g} sigma worse"
+            told = _nearest(f)
         case Reason.IMPROBABLE if doubtful is not None:
             told = (
-                f"the probability of {doubtful.effect} at {doubtful.at} is"
+                f"the probability of {the_effect(doubtful.effect)}"
+                f" {place_in_words(place_at(doubtful.at), f.masses)} is"
                 f" {doubtful.with_richer or 0.0:.2g}, and {VERDICT.sure:g} is required"
             )
         case Reason.DOUBTED:
@@ -411,8 +524,7 @@ def why(f: Facts) -> str:
                 " record for longer, at a higher level, or with a finer sensor"
             )
         case Reason.LINEAR:
-            told = f"{', '.join(f.moved)} differ from the device file by more than" + (
-                f" {VERDICT.shifted:g} sigma")  # fmt: skip
+            told = f"{_differing(f)} by more than {VERDICT.shifted:g} sigma"
         case Reason.NAMED:
             told = "every other explanation is clearly worse, and held-out data agree"
         case Reason.NOTHING:
@@ -420,6 +532,23 @@ def why(f: Facts) -> str:
         case _:
             told = ""
     return "; ".join(filter(None, [told, law]))
+
+
+def _nearest(f: Facts) -> str:
+    """Say how near the nearest rival of each confusable effect is."""
+    words: list[str] = []
+    for one in f.findings:
+        if not one.confusable_with:
+            continue
+        near = min(one.confusable_with, key=lambda r: r.separation_sigma)
+        sigma = f"{near.separation_sigma:.1f}"
+        far = "no worse" if sigma == "0.0" else f"only {sigma} sigma worse"
+        instead = _at(near.effect, near.at, f.masses)
+        own = the_effect(one.effect)
+        if near.effect == one.effect:
+            own = f"{own} {place_in_words(place_at(one.at), f.masses)}"
+        words.append(f"{far} with {instead} in place of {own}")
+    return f"the fit is {listed(words)}; to tell two effects apart, {VERDICT.apart:g} are required"
 
 
 def _replaced(f: Facts) -> str:

@@ -20,7 +20,10 @@ LEAST_COUNTS = 4.0  # of an encoder in a wave: a shorter one is how it counts
 
 
 def _periods(z: Sizes, shares: tuple[float, ...]) -> list[float]:
-    """Of the travel, and a turn where two of them are seen: less than two waves are a bend."""
+    """Return periods to try: shares of the travel, and one turn if the travel has two turns.
+
+    Less than two waves cannot be told from a curve of another shape.
+    """
     turns = [2.0 * math.pi] if z.rotary and z.span >= WAVES * 2.0 * math.pi else []
     return [*(z.span * share for share in shares), *turns]
 

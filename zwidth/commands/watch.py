@@ -150,7 +150,7 @@ def _followed(asked: Asked, tell: Tell) -> Read | None:
 
 @contextmanager
 def _halting() -> Generator[Callable[[], bool]]:
-    """Yield what says whether Ctrl-C or SIGTERM came, which interrupts as ever."""
+    """Yield a function that says whether Ctrl-C or SIGTERM came; each still interrupts."""
     came = Event()
 
     def interrupted(*_: object) -> None:

@@ -15,8 +15,9 @@ FILE, LAW, INTERVAL, HELD_OUT = "0.55", "#117733", "0.85", "#fff3d6"
 """Colours with one meaning in every picture: what was measured; a model before and after, as its
 file has it, and with a learned law; an interval of 95 % over a whole axis; the ground under data
 that were kept out of the fit."""
-ON_DARK = {BEFORE: "#ff8f9e", AFTER: "#7fb6ff", FILE: "#9a9da2", LAW: "#5fce87"}
-"""Those of them that are lines, for a dark ground."""
+ON_DARK = {BEFORE: "#ff8f9e", AFTER: "#7fb6ff", FILE: "#9a9da2", LAW: "#5fce87",
+           MEASURED: "#777b81", HELD_OUT: "#2d2716"}  # fmt: skip
+"""The same for a dark ground."""
 # For lines without such a meaning, in this order. They differ in lightness, for grey print and all
 # kinds of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes differ,
 # too.
