@@ -11,7 +11,7 @@ RECORDINGS as for docs/make_machine_pages.py. Printed for each machine: the name
 period, the curve with its 95 % band, its formulas; and on held-out data, with friction alone, with
 the ripple and with the law in its place, the error one sample ahead, -2 ln of the likelihood, and
 the rms force that the motion needs less the force that acts; and by how much less the law costs
-than the sine, beside what makes one believed over it. A picture is left in docs/machines.
+than the sine, beside what makes one believed over it. A picture is left in runs/position_ripples.
 """
 
 import argparse
@@ -35,6 +35,7 @@ from zwidth.figures.learned import learned_figure
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 
+PICTURES = Path(__file__).parents[1] / "runs" / "position_ripples"
 NAMES = ("emps", "rack_and_pinion")
 RIPPLE = "force_ripple"
 LN = math.log(1.0 / ALPHA)
@@ -58,7 +59,8 @@ def main() -> None:
         if with_law is None:
             print("  no ripple is named one sample ahead")
             continue
-        learned_figure(with_law, device.rotary).savefig(PAGES / f"{name}_ripple.png", dpi=110)
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        learned_figure(with_law, device.rotary).savefig(PICTURES / f"{name}_ripple.png", dpi=110)
 
 
 def _learned(device: Device, taken: Taken, found: Search) -> LearnedLaw | None:

@@ -62,7 +62,7 @@ def main() -> None:
             make_physics("encoder_step", "sensor", step=1e-4),
         )
         augmented = Path(folder) / "augmented.toml"
-        save_device(replace(found, name="the same, with what was found"), augmented)
+        save_device(replace(found, name="with friction and encoder steps"), augmented)
         with served("phantom_1_0") as address:
             draw(page, address, STEPS, "explore.png")
         with served("phantom_1_0", "--compare", str(augmented)) as address:

@@ -32,6 +32,12 @@ from zwidth.sim.place import of_label, place_at
 Floats = NDArray[np.float64]
 ALIKE = 3.0  # times the limit, at which effects are compared with each other
 RAN_AWAY = 1e5  # sigma of one sample
+# The parameters whose magnitude is not their value.
+MEASURES = {
+    "limit": "largest command - limit",
+    "ratio": "|ratio - 1|",
+    "coefficient": "|coefficient|",
+}
 Advance = Callable[[str], object]
 
 
@@ -56,6 +62,14 @@ class Visible(Valued):
         """The parameters besides the magnitude, at which the limit holds."""
         values = {} if self.physics is None else self.physics.values
         return {k: v for k, v in values.items() if k != self.name}
+
+    @property
+    def measure(self) -> str:
+        """What the magnitude is: the parameter itself, or a difference or share of it."""
+        effect, _ = of_label(self.label)
+        if self.name and EFFECTS[effect].parameter(self.name).inverse:
+            return f"1 / {self.name}"
+        return MEASURES.get(self.name, self.name)
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,38 @@ SAME: dict[str, tuple[tuple[str, str], ...]] = {
         ("README.md", r"Of its (\d+) answers with the verdict `identified`, 2"),
         ("docs/evidence.md", r"Of (\d+) answers with `identified`, 2 had"),
     ),
+    "intervals that contain the truth": (
+        ("docs/evidence.md", r"contain the truth for (\d+ of \d+) effects"),
+        ("docs/tutorial.md", r"test\]\(evidence.md\), (\d+ of \d+)\s+intervals"),
+    ),
+    "compiling for a boundary": (
+        ("docs/performance.md", r"compiling \| (.+?) for a boundary"),
+        ("docs/install.md", r"compiling takes (.+?) for a boundary"),
+    ),
+    "compiling for a diagnosis": (
+        ("docs/performance.md", r"compiling \| .*, (\w+ to \w+) minutes"),
+        ("docs/install.md", r"(\w+ to \w+) minutes for a first diagnosis"),
+        ("docs/check.md", r"compiles the simulation in (\w+ to \w+) minutes"),
+    ),
+    "a verdict of a log that grows": (
+        ("docs/performance.md", r"after the newest sample \| ([\d.]+ s)"),
+        ("docs/watch.md", r"was reported ([\d.]+ s) after the newest sample"),
+        ("benchmarks/notes/performance.md", r"\| ([\d.]+ s) after the newest sample in it"),
+    ),
+    "400 recordings with one worker": (
+        ("docs/scale.md", r"400 recordings .* take ([\d.]+) s with one worker"),
+        ("benchmarks/notes/scale.md", r"\| 1 \| 400 \| ([\d.]+) s"),
+        ("benchmarks/notes/performance.md", r"400 take ([\d.]+) s with one worker"),
+    ),
+    "400 recordings with two workers": (
+        ("docs/scale.md", r"one worker and ([\d.]+) s with two"),
+        ("benchmarks/notes/scale.md", r"\| 2 \| 400 \| ([\d.]+) s"),
+        ("benchmarks/notes/performance.md", r"one worker, ([\d.]+) s with two"),
+    ),
+    "work of the program for a recording": (
+        ("docs/scale.md", r"about ([\d.]+) ms of work for each"),
+        ("benchmarks/notes/scale.md", r"driver, ([\d.]+) ms a recording"),
+    ),
 }
 
 

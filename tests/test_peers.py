@@ -14,6 +14,7 @@ from benchmarks.peer.method import state_before
 from benchmarks.peer.page import figure, not_computed, table
 from benchmarks.peer.rows import Row, keep, keep_run, kept, kept_run, row_of
 from benchmarks.peer.sets import KINDS, Error, Floats, Part, inner, judged
+from zwidth.figures.style import MEASURED as COLOUR
 
 ROOT = Path(__file__).parents[1]
 T = np.linspace(0.0, 3.99, 400)
@@ -127,6 +128,7 @@ def test_a_page_keeps_its_text_around_the_table():
 
 
 def test_the_picture_draws_runs_and_names_those_that_diverge():
+    """Mutations: the legend on the curves; what was measured in a colour of its own."""
     rows = [
         row("zwidth diagnose", Error((0.0, 0.1), (0.0, 0.1))),
         row("PySINDy", Error((np.inf, np.inf), (np.inf, np.inf)), peer="pysindy"),
@@ -137,6 +139,11 @@ def test_the_picture_draws_runs_and_names_those_that_diverge():
     assert motion.get_ylabel().endswith("[mm/s]")
     labels = [line.get_label() for line in motion.get_lines()]
     assert labels == ["measured", "zwidth diagnose", "PySINDy: diverges"]
+    assert motion.get_lines()[0].get_color() == COLOUR
+    made.canvas.draw()
+    (legend,) = made.subfigs[0].legends
+    assert motion.get_legend() is None  # it would lie on the curves
+    assert not legend.get_window_extent().overlaps(motion.get_window_extent())
 
 
 def test_peers_that_are_missing_are_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch):

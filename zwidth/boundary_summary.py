@@ -164,7 +164,10 @@ def _damping(value: float, rotary: bool) -> str:
 
 
 def say_stiffest(console: Console, result: BoundaryResult) -> None:
-    """Print a row a delay: K_max, its B, the last B with a stable K, the jump of the frequency."""
+    """Print a row a delay: K_max, its B, and the last B with a stable K; then theory's own top.
+
+    Theory's top may lie at another B, and so at another frequency, than the sentence's.
+    """
     force, length = ("N m", "rad") if result.rotary else ("N", "m")
     unit = f"{force}/{length}"
     asked = [b for b in result.boundaries if b.stiffest is not UNSET]
@@ -175,9 +178,9 @@ def say_stiffest(console: Console, result: BoundaryResult) -> None:
             console.say(f"{delay}{b.stiffest.sentence}")
     extras = [name for name, of in EXTRAS.items() if any(of(b) for b in asked)]
     columns = [
-        Column("delay"), Column(f"K_max [{unit}]"), Column("at B"),
-        Column("by linear theory: K_max"), Column("at B"), Column("last stable B"),
-        Column("by theory"), Column("frequency at the top", False),
+        Column("delay"), Column(f"K_max [{unit}]"), Column("at B"), Column("last stable B"),
+        Column("K_max by theory"), Column("at B by theory"), Column("frequency by theory", False),
+        Column("last stable B by theory"),
         *(Column(name) for name in extras),
     ]  # fmt: skip
     rows = [[*_row(b), *(EXTRAS[name](b) or NONE for name in extras)] for b in asked]
@@ -194,11 +197,11 @@ def _row(b: DelayBoundary) -> list[str]:
         f"{1e3 * b.delay_s:g} ms",
         _said(s.stiffness),
         _said(s.damping),
+        _last(b),
         _said(s.linear_stiffness),
         _said(s.linear_damping),
-        _last(b),
-        _said(s.linear_last_stable_damping),
         _jump(s),
+        _said(s.linear_last_stable_damping),
     ]
 
 

@@ -12,10 +12,11 @@ from typing import Any, NoReturn, TextIO
 
 import click
 
+from zwidth.console import wrapped
 from zwidth.errors import Status, explain, one_line
 from zwidth.files import protection
 from zwidth.heartbeat import HEART
-from zwidth.sim.own_files import own_files
+from zwidth.sim.own_files import own_files, own_texts
 
 # Matrices here are small: threads of the linear algebra library only get in the way of ours. It
 # reads this when numpy is first imported, which is later than here.
@@ -99,6 +100,7 @@ class CommandsByName(click.Group):
         """Import the command, or return None if there is none of that name."""
         if cmd_name not in COMMANDS:
             return None
+        own_effects_finite()
         command = import_module(f"zwidth.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
         example = f"\b\nExample:\n  {EXAMPLES[cmd_name]}"
@@ -138,6 +140,15 @@ def zwidth(context: click.Context) -> None:
     """Say why a recording differs from its simulation, and how stiff a wall a device can render."""
     own_effects_readable()
     context.with_resource(protection.command(f"zwidth {context.invoked_subcommand}"))
+
+
+def own_effects_finite() -> None:
+    """Raise ValueError for a formula of the user's own that no import would get through."""
+    if texts := own_texts():
+        from zwidth.files.formulas import refuse_endless_file
+
+        for file, text in texts:
+            refuse_endless_file(file, text or b"")
 
 
 def own_effects_readable() -> None:
@@ -201,7 +212,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             raise
         status, sentence = explain(error)
         HEART.said()
-        print(f"error: {sentence}", file=sys.stderr)
+        print(wrapped(f"error: {sentence}", sys.stderr), file=sys.stderr)
         _silence_if_broken(sys.stdout)
     return status if isinstance(status, int) else Status.DONE
 
@@ -219,7 +230,7 @@ def main() -> NoReturn:
 
 def _one_line_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     HEART.said()
-    print(f"warning: {one_line(str(message))}", file=sys.stderr)
+    print(wrapped(f"warning: {one_line(str(message))}", sys.stderr), file=sys.stderr)
 
 
 def _silence_if_broken(stream: TextIO) -> None:

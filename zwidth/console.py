@@ -19,6 +19,7 @@ from zwidth.heartbeat import HEART
 
 PLAIN_LINE_EVERY = 3.0  # [s], if progress is written to a file and not to a terminal
 PLAIN_WIDTH = 160  # columns, without a terminal
+APART = 2  # columns of space beside a column of a table
 LONGEST_NAME = 34  # characters of a name that is kept on one line in a table
 GLUE = "\ue000"  # stands for a space within a unit while text is wrapped
 UNIT = re.compile(
@@ -86,9 +87,9 @@ class Console:
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
         """Write a table: ruled on a terminal, plain columns elsewhere.
 
-        Empty columns are left out. If a terminal is too narrow, cells wrap at words; names, the
-        first column, wrap last. If not even the longest words fit side by side, each row becomes a
-        table of its own, with a line for each column.
+        Empty columns are left out. If a terminal is too narrow, cells wrap at words, never inside
+        one; names, the first column, stay whole. If not even the longest words fit side by side,
+        each row becomes a table of its own, with a line for each column.
         """
         from rich.box import SIMPLE_HEAD
         from rich.console import Console as Terminal
@@ -98,9 +99,10 @@ class Console:
         columns = [Column(glued(c.heading), c.number) for c in columns]
         rows = [[glued(cell) for cell in row] for row in rows]
         used = [i for i in range(len(columns)) if not rows or any(row[i] for row in rows)]
-        if terminal and narrowest([[columns[i].heading, *(r[i] for r in rows)] for i in used]) > (
-            shutil.get_terminal_size().columns
-        ):
+        every = [[columns[i].heading, *(row[i] for row in rows)] for i in used]
+        room = shutil.get_terminal_size().columns if terminal else PLAIN_WIDTH
+        least = narrowest(every)
+        if terminal and sum(least) + APART * len(used) > room:
             self.say(title)
             for row in rows:
                 self.say("")
@@ -108,16 +110,18 @@ class Console:
                 for i in (i for i in used if row[i]):
                     self.show(hanging(columns[i].heading.ljust(wide), row[i]).replace(GLUE, " "))
             return
-        table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
-        for i in used:
+        widest = [max(map(len, cells), default=0) for cells in every]
+        widths = fitted(widest, least, room - APART * len(used))
+        box, padding = (SIMPLE_HEAD, (0, 0, 0, 1)) if terminal else (None, (0, 1))  # two wide, both
+        table = Table(box=box, padding=padding, pad_edge=False)
+        for i, width in zip(used, widths, strict=True):
             justify = "right" if columns[i].number else "left"
-            whole = i == 0 and all(len(row[0]) <= LONGEST_NAME for row in rows)
-            table.add_column(columns[i].heading, justify=justify, overflow="fold", no_wrap=whole)
+            table.add_column(columns[i].heading, justify=justify, overflow="fold", width=width)
         for row in rows:
             table.add_row(*(row[i] for i in used))
         writer = Terminal(
             file=self.stream,
-            width=None if terminal else PLAIN_WIDTH,
+            width=max(room, sum(widths) + APART * len(used)),  # or it would cut off cells
             markup=False,
             emoji=False,
             highlight=False,
@@ -181,14 +185,33 @@ def hanging(head: str, text: str) -> str:
     ).replace(GLUE, " ")  # fmt: skip
 
 
-def narrowest(columns: Sequence[Sequence[str]]) -> int:
-    """Return the least width of a table of these columns: whole names, longest words elsewhere."""
-    wide = 0
+def narrowest(columns: Sequence[Sequence[str]]) -> list[int]:
+    """Return the least width of each column: whole names in the first, longest words elsewhere.
+
+    columns: the heading of each, and its cells.
+    """
+    widths: list[int] = []
     for i, cells in enumerate(columns):
         whole = i == 0 and all(len(cell) <= LONGEST_NAME for cell in cells[1:])
-        words = cells if whole else [word for cell in cells for word in cell.split()]
-        wide += max(map(len, words), default=0) + 3
-    return wide
+        names = cells[1:] if whole else []
+        words = [word for cell in (cells[:1] if whole else cells) for word in cell.split()]
+        widths.append(max(map(len, (*names, *words)), default=0))
+    return widths
+
+
+def fitted(widest: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+    """Return widths of columns that take no more room: the widest give way first.
+
+    No column gets narrower than `least`, so the sum is larger than `room` if that of `least` is.
+    """
+    widths = list(widest)
+    while sum(widths) > room:
+        wide = max((w for w, low in zip(widths, least, strict=True) if w > low), default=0)
+        if wide == 0:
+            break
+        i = next(i for i, w in enumerate(widths) if w == wide and w > least[i])
+        widths[i] -= 1
+    return widths
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from benchmarks.peer.rows import Row
 from benchmarks.peer.sets import KINDS, Floats, Kind
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import MEASURED, STYLE, UNDER
 
 DIVERGES = "diverges"
 HEAD: tuple[str, ...] = (
@@ -103,7 +103,7 @@ def figure(
     """
     sets = [kind for kind in KINDS.values() if kind.name in measured]
     with rc_context({**STYLE, "font.size": 8}):
-        made = Figure(figsize=(11.0, 4.2 * ((len(sets) + 1) // 2)), layout="constrained")
+        made = Figure(figsize=(11.0, 4.6 * ((len(sets) + 1) // 2)), layout="constrained")
         panels = made.subfigures((len(sets) + 1) // 2, min(2, len(sets)), squeeze=False)
         for kind, panel in zip(sets, panels.ravel(), strict=False):
             own = in_order([row for row in rows if row.set == kind.name], order)
@@ -126,7 +126,7 @@ def _panel(
 ) -> None:
     motion, error = panel.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     unit, factor = shown_unit(kind, rows[0].units[-1])
-    motion.plot(t, factor * measured, color="0.1", linewidth=2.2, label="measured")
+    motion.plot(t, factor * measured, color=MEASURED, linewidth=UNDER, label="measured")
     for row in rows:
         place = order.index(row.method) if row.method in order else len(order)
         style = {"color": COLOURS[place % len(COLOURS)], "linewidth": 1.0}
@@ -136,7 +136,7 @@ def _panel(
             continue
         motion.plot(t, factor * runs[row.method], "--", label=row.method, **style)
         error.plot(t, factor * (runs[row.method] - measured), **style)
-    _limits(motion, factor * measured, 1.2, True)
+    _limits(motion, factor * measured, 1.2)
     worst = [np.abs(runs[r.method] - measured).max() for r in rows if r.share[-1] is not None]
     reach = factor * min(2.5 * float(np.median(worst)), float(np.ptp(measured)))
     error.set_ylim(-reach, reach)
@@ -147,9 +147,9 @@ def _panel(
     error.set_ylabel(f"error [{unit}]")
     error.set_xlabel("time since the held-out part begins [s]")
     motion.set_title(kind.title)
-    motion.legend(loc="upper center", ncols=2, fontsize=6.5)
+    panel.legend(loc="outside lower center", ncols=2, fontsize=6.5)  # no curve lies below it
 
 
-def _limits(axes: Axes, y: Floats, room: float, legend: bool) -> None:
+def _limits(axes: Axes, y: Floats, room: float) -> None:
     middle, reach = 0.5 * (y.max() + y.min()), 0.5 * room * float(np.ptp(y))
-    axes.set_ylim(middle - reach, middle + (1.7 if legend else 1.0) * reach)
+    axes.set_ylim(middle - reach, middle + reach)

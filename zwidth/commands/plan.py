@@ -25,8 +25,6 @@ from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.nearest import nearest
-from zwidth.sim.physics import EFFECTS
-from zwidth.sim.place import of_label
 from zwidth.sim.readable import with_unit
 from zwidth.sim.run import simulate
 
@@ -171,18 +169,8 @@ def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
         numbers = [
             "never" if v.magnitude is None else with_unit(v.magnitude, v.unit, 3) for v in every
         ]
-        rows.append([named(first.label), _magnitude(first), *numbers])
+        rows.append([named(first.label), first.measure, *numbers])
     console.table(f"\nSmallest magnitude that shows ({SHOWN:g} sigma)", columns, rows)
-
-
-def _magnitude(visible: Visible) -> str:
-    """What the number says, where it is not the parameter itself."""
-    name, _ = of_label(visible.label)
-    if visible.name and EFFECTS[name].parameter(visible.name).inverse:
-        return f"1 / {visible.name}"
-    return {
-        "limit": "largest command - limit", "ratio": "|ratio - 1|", "coefficient": "|coefficient|",
-    }.get(visible.name, visible.name)  # fmt: skip
 
 
 def _say_pairs(console: Console, found: Plan) -> None:

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from zwidth.planning.limits import SHOWN
-from zwidth.planning.plan import ALIKE, Plan
+from zwidth.planning.plan import ALIKE, Plan, Visible
 from zwidth.views.table import Table, number
 from zwidth.views.units import numbers, rows
 
@@ -14,19 +14,20 @@ if TYPE_CHECKING:
 
 def table(found: Plan) -> Table:
     """Return a row an effect: the smallest that shows, and what it would be taken for."""
-    headings = ("effect", "at", "magnitude", "smallest that shows", "unit", "looks like")
-    grid = [
-        [*v.label.split("@"), v.name or "-",
-         "never" if v.magnitude is None else number(v.magnitude), v.unit or "-",
-         _alike(found, v.label) or "-"]
-        for v in found.visible
-    ]  # fmt: skip
+    headings = ("effect", "smallest that shows", "looks like")
+    grid = [[v.label, _smallest(v), _alike(found, v.label) or "-"] for v in found.visible]
     pairs = len(found.confusable)
     said = [
         f"Smallest size that shows with {SHOWN:g} sigma after a refit; {pairs} pair(s) cannot be"
         f" told apart at {ALIKE:g} times that."
     ]
     return Table(f"Plan: {found.excitation}, {found.seconds:g} s", said, headings, grid)
+
+
+def _smallest(seen: Visible) -> str:
+    """The magnitude, with what it is in front and its unit behind."""
+    size = "never" if seen.magnitude is None else f"{number(seen.magnitude)} {seen.unit}"
+    return f"{seen.measure} {size}".strip()
 
 
 def _alike(found: Plan, label: str) -> str:

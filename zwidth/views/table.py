@@ -4,15 +4,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from io import StringIO
 from textwrap import shorten, wrap
 from typing import Literal
+
+from zwidth.console import APART, fitted
 
 WIDTH, LINES = 100, 12  # of the text
 SENTENCES = 4  # lines that sentences may take of it
 ROWS = 60  # of the HTML
 CELL = "padding: 0.15em 0.8em; text-align: {}"
 NONE = "-"
+MORE = " \u2026"  # stands for what does not fit
 Side = Literal["left", "right"]
 
 
@@ -80,19 +82,24 @@ def _numeric(cell: str) -> bool:
 
 
 def _ruled(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a line of headings and one per row."""
-    from rich.console import Console
-    from rich.table import Table as Grid
+    """Return a line of headings and one per row; what is too long is cut between two words."""
+    columns = list(zip(headings, *rows, strict=True))
+    widest = [max(map(len, column)) for column in columns]
+    widths = fitted(widest, [1] * len(columns), WIDTH - APART * (len(columns) - 1))
+    sides = _sides(rows)
+    lines: list[str] = []
+    for row in (headings, *rows):
+        cells = [cut(cell, width) for cell, width in zip(row, widths, strict=True)]
+        beside = zip(cells, widths, sides, strict=True)
+        line = (c.rjust(width) if s == "right" else c.ljust(width) for c, width, s in beside)
+        lines.append((" " * APART).join(line).rstrip())
+    return lines
 
-    grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading, side in zip(headings, _sides(rows), strict=True):
-        grid.add_column(heading, justify=side, no_wrap=True, overflow="ellipsis")
-    for row in rows:
-        grid.add_row(*row)
-    stream = StringIO()
-    writer = Console(
-        file=stream, width=WIDTH, markup=False, emoji=False, highlight=False, color_system=None,
-        force_jupyter=False,  # where it would show the table instead of returning it
-    )  # fmt: skip
-    writer.print(grid)
-    return [line.rstrip() for line in stream.getvalue().splitlines()]
+
+def cut(cell: str, width: int) -> str:
+    """Return the words of a cell that fit, and an ellipsis for those that do not."""
+    if len(cell) <= width:
+        return cell
+    if " " in cell and width > len(MORE):
+        return shorten(cell, width, placeholder=MORE)
+    return cell[: width - 1] + MORE.strip()
