@@ -71,17 +71,22 @@ SIMPLER: Mapping[str, tuple[Callable[[Physics], list[Physics]], str]] = {
 STRUCTURE = ("ground_spring", "extra_mode", "position_servo")
 
 
-def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
+def joints_of(
+    device: Device, also: tuple[str, ...] = (), at_masses: tuple[str, ...] = ()
+) -> Joints:
     """Divide a device's mechanism and effects; also: further effects that the format has.
 
-    Effects in `also` are returned in `others`; the interface is left to the format.
+    at_masses: those that it has at masses only. Effects of both are returned in `others`; the
+    interface is left to the format.
     """
     lost: list[str] = []
     kept: list[Physics] = []
     constant: list[Physics] = []
     for p in device.physics:
         name = p.effect.name
-        if name in SIMPLER:
+        if name in at_masses and p.place.kind == "mass":
+            kept.append(p)
+        elif name in SIMPLER:
             make, sentence = SIMPLER[name]
             simpler = make(p)
             whole = name == "directional_friction" and (
@@ -121,7 +126,7 @@ def joints_of(device: Device, also: tuple[str, ...] = ()) -> Joints:
     springs[np.abs(springs) < 1e-12 * np.abs(np.diag(stiffness))] = 0.0
     return Joints(
         held, np.diag(mass).copy(), damping.sum(axis=1) + viscous, springs, between, friction, lost,
-        [p for p in kept if p.effect.name in also],
+        [p for p in kept if p.effect.name in (*also, *at_masses)],
     )  # fmt: skip
 
 

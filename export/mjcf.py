@@ -3,7 +3,8 @@
 A device limits its command after the gain, so the limit is written as a range of the force. Without
 dry friction MuJoCo integrates by the fourth-order Runge-Kutta method. With dry friction, which is a
 soft constraint there, it integrates implicitly; step and impedance are chosen so that a body held
-by friction creeps by a ten-thousandth.
+by friction creeps by a ten-thousandth. Friction with a curve or with bristles and a ripple of the
+force are passive actuators (`zwidth.export.dcmotor`), with the same implicit steps for friction.
 
 If a device states the damping D of its winding (`open_winding`), the drive is a `dcmotor`. With the
 gain G from volts to force, referred to the joint (gear 1), its force K (u - K v) / R is G u - D v
@@ -19,9 +20,11 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from zwidth.export.dcmotor import BRISTLES, PASSIVE, TURN, passive_motor, softened
 from zwidth.export.mechanics import Joints, interface_lost, joints_of
 from zwidth.export.model import Exported
 from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
 
 ALSO = (
     "constant_force", "cubic_stiffness", "quadratic_drag", "gravity_pendulum", "backlash",
@@ -33,7 +36,7 @@ DRY_STEP, STEP, OF_A_RADIAN = 2e-5, 1e-4, 0.1  # [s], [s]; of the fastest mode, 
 
 def mjcf(device: Device, name: str) -> Exported:
     """Return a device as the text of an MJCF model of this name."""
-    joints = joints_of(device, ALSO)
+    joints = joints_of(device, ALSO, PASSIVE)
     lost = joints.lost
     held = interface_lost(joints.device, True, True, lost)
     gaps = {p.place.index: p.values["gap"] for p in joints.others if p.effect.name == "backlash"}
@@ -51,8 +54,15 @@ def mjcf(device: Device, name: str) -> Exported:
         lost.append("actuator_lag@command: the inductance of a dcmotor lets its back-EMF lag, too")
     period = device.interface.period
     step = _step(joints, held, period)
+    length = "rad" if device.rotary else "m"
+    lost += [said for p in _passive(joints, BRISTLES)
+             if (said := softened(p, _mass(joints, p), step, length))]  # fmt: skip
     unit = "V" if _winding(joints) > 0.0 else "N m" if device.rotary else "N"
-    needs = ("It has a dcmotor, which a MuJoCo before it refuses.",) if unit == "V" else ()
+    needs: tuple[str, ...] = ()
+    if _passive(joints):
+        needs = ("It has a dcmotor without inputs, for which MuJoCo must be 3.12 or later.",)
+    elif unit == "V":
+        needs = ("It has a dcmotor, for which MuJoCo must be 3.7 or later.",)
     about = (
         f"{device.name}, exported by zwidth.",
         "",
@@ -66,15 +76,17 @@ def mjcf(device: Device, name: str) -> Exported:
 def _step(joints: Joints, held: Device, period: float) -> float:
     """Return a timestep that divides the period and resolves the fastest mode."""
     fastest = float(np.abs(np.linalg.eigvals(held.plant().a)).max())
-    longest = DRY_STEP if joints.friction.any() else STEP
+    for p in _passive(joints, ("force_ripple",)):  # about the bottom of a wave
+        slope = p.values["amplitude"] * TURN / p.values["period"]
+        fastest = max(fastest, math.sqrt(slope / _mass(joints, p)))
+    longest = DRY_STEP if _dry(joints) else STEP
     if fastest > 0.0:
         longest = min(longest, OF_A_RADIAN / fastest)
     return period / math.ceil(period / longest)
 
 
 def _model(joints: Joints, held: Device, name: str, step: float, gaps: dict[int, float]) -> str:
-    dry = bool(joints.friction.any())
-    integrator = "implicitfast" if dry else "RK4"
+    integrator = "implicitfast" if _dry(joints) else "RK4"
     bodies = "\n".join(_body(joints, held, i, step) for i in range(joints.masses.size))
     links = "\n".join(_link(joints, i, j, gaps) for i, j in joints.between)
     tendons = f"  <tendon>\n{links}\n  </tendon>\n" if links else ""
@@ -161,6 +173,18 @@ def _link(joints: Joints, i: int, j: int, gaps: dict[int, float]) -> str:
     )
 
 
+def _passive(joints: Joints, names: tuple[str, ...] = PASSIVE) -> list[Physics]:
+    return [p for p in joints.others if p.effect.name in names]
+
+
+def _mass(joints: Joints, p: Physics) -> float:
+    return float(joints.masses[p.place.index])
+
+
+def _dry(joints: Joints) -> bool:
+    return bool(joints.friction.any() or _passive(joints, BRISTLES))
+
+
 def _lag(joints: Joints) -> float:
     return next((p.values["time_constant"] for p in joints.others
                  if p.effect.name == "actuator_lag"), 0.0)  # fmt: skip
@@ -199,4 +223,5 @@ def _actuators(joints: Joints, held: Device, step: float) -> str:
         for p in joints.others
         if p.effect.name == "constant_force"
     ]
-    return "\n".join(lines)
+    lines += [passive_motor(p, _mass(joints, p), step) for p in _passive(joints)]
+    return "\n".join(line for line in lines if line)

@@ -2,7 +2,6 @@
 
 import math
 import os
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from zwidth.export.dcmotor import effects_of_motor, further
+from zwidth.export.model_size import ModelTooLarge, Sizes
 from zwidth.export.mujoco_run import engine
 from zwidth.files.protection import reading
 from zwidth.sim.chain import make_chain
@@ -48,11 +49,16 @@ def device_of_joint(
     face = actuator.face
     chain.ground_dampers[0] += actuator.damper
     origin = float(model.qpos_spring[address]) if chain.ground_spring > 0.0 else 0.0
+    beside, damper = _beside_the_drive(mujoco, model, index, origin, left_out)
+    chain.ground_dampers[0] += damper
     device = Device(
         f"{joint} of {file.name}", str(file), rotary, chain,
         replace(face, position_origin=origin),
-    ).with_physics(*_effects(model, index, dof, left_out))  # fmt: skip
-    _remarks(mujoco, model, index, dof, left_out)
+    ).with_physics(*_effects(model, index, dof, left_out), *beside)  # fmt: skip
+    try:
+        _remarks(mujoco, model, index, dof, left_out)
+    except (RuntimeError, mujoco.FatalError) as error:
+        raise ValueError(f"{file} is a model that MuJoCo cannot run: {_first(error)}") from None
     return (device if actuator.drive is None else actuator.drive.on(device)), left_out
 
 
@@ -71,9 +77,14 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
         )
     try:
         model = _model(mujoco, file)
-    except (ValueError, ElementTree.ParseError) as error:
-        first = str(error).strip().splitlines()[0]
-        raise ValueError(f"{file} is not a model that MuJoCo can read: {first}") from None
+    except ModelTooLarge:
+        raise
+    except MemoryError:
+        raise ValueError(
+            f"{file} takes MuJoCo more memory than there is; take out what the joint does not need"
+        ) from None
+    except (ValueError, RuntimeError, OSError, ElementTree.ParseError) as error:
+        raise ValueError(f"{file} is not a model that MuJoCo can read: {_first(error)}") from None
     names = [model.joint(i).name for i in range(model.njnt)]
     if joint not in names:
         raise ValueError(f"{file} has no joint {joint!r}; {nearest(joint, names)}")
@@ -86,10 +97,15 @@ def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
     return mujoco, model, index
 
 
+def _first(error: Exception) -> str:
+    """Return the first line of what MuJoCo says."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
 def _model(mujoco: Any, file: Path) -> Any:
     root = _parsed(file)
     if root.tag != "robot":
-        _check_included(root, file)
+        Sizes(file, *_check_included(root, file)).refuse()
         try:
             return mujoco.MjModel.from_xml_path(str(file))
         except ValueError:
@@ -101,6 +117,7 @@ def _model(mujoco: Any, file: Path) -> Any:
     for link in root.iter("link"):  # shapes are separate files, and do not affect the motion
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
+    Sizes(file, {file.resolve(): root}, {file.parent}).refuse()
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -113,30 +130,33 @@ def _parsed(file: Path) -> ElementTree.Element:
     return ElementTree.fromstring(text)
 
 
-def _check_included(root: ElementTree.Element, file: Path) -> None:
-    """Raise ValueError if a file that MuJoCo would open is a pipe, a device or a folder.
+def _check_included(
+    root: ElementTree.Element, file: Path
+) -> tuple[dict[Path, ElementTree.Element], set[Path]]:
+    """Return the model and those that it includes or attaches, and the folders of its files.
 
-    It looks for files from the folders of the models that are included, also by included ones, and
-    from those that a compiler element names.
+    MuJoCo looks for files from the folders of these models, and from those that a compiler element
+    names. Raises ValueError if a file that it would open is a pipe, a device or a folder.
     """
-    folders, names, seen = {file.parent}, set[str](), {file.resolve()}
-    waiting = [root]
+    folders, names, models = {file.parent}, set[str](), set[str]()
+    roots, waiting = {file.resolve(): root}, [root]
     while waiting:
         for part in waiting.pop().iter():
             if part.tag == "compiler":
                 named = (part.get(key) for key in ("meshdir", "texturedir", "assetdir"))
                 folders |= {file.parent / folder for folder in named if folder}
             names |= {name for key, name in part.attrib.items() if key.startswith("file")}
-            name = part.get("file") if part.tag in ("include", "model") else None
-            for path in () if name is None else {(f / name).resolve() for f in folders} - seen:
-                if path.is_file():
-                    seen.add(path)
-                    folders.add(path.parent)
-                    with suppress(ElementTree.ParseError):  # MuJoCo says it better, or reads it
-                        waiting.append(_parsed(path))
+            if part.tag in ("include", "model") and (name := part.get("file")) is not None:
+                models.add(name)
+        found = {(folder / name).resolve() for folder in folders for name in models} - roots.keys()
+        for path in filter(Path.is_file, found):
+            roots[path] = _parsed(path)
+            folders.add(path.parent)
+            waiting.append(roots[path])
     for name in sorted(names):
         if any((folder / name).exists() and not (folder / name).is_file() for folder in folders):
             raise ValueError(f"{name!r} is not an ordinary file; put one in its place")
+    return roots, folders
 
 
 def _without_shapes(root: ElementTree.Element, file: Path) -> dict[str, bytes] | None:
@@ -194,6 +214,69 @@ def _effects(model: Any, index: int, dof: int, left_out: list[str]) -> list[Phys
     return found
 
 
+def drives_of(mujoco: Any, model: Any, index: int) -> list[int]:
+    """Return the actuators of a joint that its command reaches: all but those without an input."""
+    return [i for i in _actuators(mujoco, model, index) if _driven(mujoco, model, i)]
+
+
+def input_of(model: Any, i: int) -> int:
+    """Return the place of an actuator's first input among the controls."""
+    inputs = getattr(model, "actuator_ctrladr", None)  # an older MuJoCo has one for each
+    return i if inputs is None else int(inputs[i])
+
+
+def _actuators(mujoco: Any, model: Any, index: int) -> list[int]:
+    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    return [
+        i for i, kind in enumerate(model.actuator_trntype.tolist())
+        if kind in joints and int(model.actuator_trnid[i, 0]) == index
+    ]  # fmt: skip
+
+
+def _driven(mujoco: Any, model: Any, i: int) -> bool:
+    inputs = getattr(model, "actuator_ctrlnum", None)
+    if inputs is not None and inputs[i] == 0:
+        return False
+    fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    affine = int(model.actuator_biastype[i]) == int(mujoco.mjtBias.mjBIAS_AFFINE)
+    constant = fixed and affine and not np.any(model.actuator_biasprm[i, 1:3])
+    return not (constant and float(model.actuator_gainprm[i, 0]) == 0.0)
+
+
+def _is_motor(mujoco: Any, model: Any, i: int) -> bool:
+    return int(model.actuator_gaintype[i]) == int(getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1))
+
+
+def _beside_the_drive(
+    mujoco: Any, model: Any, index: int, origin: float, left_out: list[str]
+) -> tuple[list[Physics], float]:
+    """Return what a joint's actuators do without a command: effects, and the damping.
+
+    A dcmotor without inputs is shorted, so that its winding brakes.
+    """
+    found: list[Physics] = []
+    damper = 0.0
+    for i in _actuators(mujoco, model, index):
+        gear, name = float(model.actuator_gear[i, 0]), model.actuator(i).name
+        if hasattr(model, "actuator_damping"):
+            damper += gear**2 * float(model.actuator_damping[i])
+            if np.any(model.actuator_dampingpoly[i]):
+                left_out.append(f"the damping of {name!r} that is not linear in the speed")
+        driven = _driven(mujoco, model, i)
+        if _is_motor(mujoco, model, i):
+            found += effects_of_motor(model, i, gear, origin, left_out)
+            if not driven:
+                resistance, constant = model.actuator_gainprm[i, :2].tolist()
+                damper += (gear * constant) ** 2 / resistance
+                if constant > 0.0 and model.actuator_dynprm[i, 0] > 0.0:
+                    left_out.append(f"the inductance of {name!r}, which has no input")
+                if further(model, i):
+                    left_out.append(f"the heat of {name!r}, which has no input")
+        elif not driven and (force := gear * float(model.actuator_biasprm[i, 0])) != 0.0:
+            found.append(make_physics("constant_force", "m1", level=force))
+    return found, damper
+
+
 @dataclass(frozen=True)
 class _Actuator:
     """An actuator as seen from its joint: an interface, a loop on its position, a damper."""
@@ -210,20 +293,21 @@ def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list
     are zero, a loop on the position if b1 < 0, and a loop on the speed if only b2 is not zero.
     """
     nothing = _Actuator(Interface(period=period))
-    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    mine = [
-        i for i in range(model.nu)
-        if int(model.actuator_trntype[i]) in joints and int(model.actuator_trnid[i, 0]) == index
-    ]  # fmt: skip
+    mine = drives_of(mujoco, model, index)
     if len(mine) != 1:
         if mine:
             left_out.append(f"its {len(mine)} actuators: a device has one")
         return nothing
     (i,) = mine
+    control = input_of(model, i)
     gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
     name = model.actuator(i).name
-    if int(model.actuator_gaintype[i]) == int(getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1)):
-        return _Actuator(_late(model, i, nothing.face), _motor(model, i, gear, left_out))
+    if _is_motor(mujoco, model, i):
+        if gear > 0.0:
+            return _Actuator(_late(model, i, nothing.face), _motor(model, i, gear, left_out))
+        left_out.append(f"the command: the gear of {name!r} is {gear:g}, which turns it round")
+        resistance, constant = model.actuator_gainprm[i, :2].tolist()
+        return replace(nothing, damper=(gear * constant) ** 2 / resistance)
     bias = [0.0, 0.0, 0.0]
     kind = int(model.actuator_biastype[i])
     if kind == int(mujoco.mjtBias.mjBIAS_AFFINE):
@@ -246,13 +330,13 @@ def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list
     if looped:
         limit = min((one for one in limits if one > 0.0), default=math.inf)
         drive = Drive("position", stiffness=stiffness, damping=damping, limit=limit)
-        if model.actuator_ctrllimited[i]:
-            low, high = model.actuator_ctrlrange[i].tolist()
+        if model.actuator_ctrllimited[control]:
+            low, high = model.actuator_ctrlrange[control].tolist()
             left_out.append(f"the range of its goal, {low:g} to {high:g}")
         face = _delayed(mujoco, model, i, replace(nothing.face, **found), left_out)
         return _Actuator(face, drive)
-    if model.actuator_ctrllimited[i]:
-        limits.append(gain * gear * float(np.abs(model.actuator_ctrlrange[i]).min()))
+    if model.actuator_ctrllimited[control]:
+        limits.append(gain * gear * float(np.abs(model.actuator_ctrlrange[control]).min()))
     if limits and math.isfinite(min(limits)) and min(limits) > 0.0:
         found["command_limit"] = min(limits)
     return _Actuator(
@@ -268,23 +352,16 @@ def _motor(model: Any, i: int, gear: float, left_out: list[str]) -> Drive:
     """
     name = model.actuator(i).name
     resistance, constant = (float(x) for x in model.actuator_gainprm[i, :2])
-    further = (
-        model.actuator_gainprm[i, 2:],
-        model.actuator_biasprm[i],
-        model.actuator_dynprm[i, 1:],
-    )
-    if any(np.any(numbers != 0.0) for numbers in further):
-        left_out.append(
-            f"what {name!r} has beside a winding: cogging, friction, heat, a controller"
-        )
+    if further(model, i):
+        left_out.append(f"what {name!r} has beside a winding: heat, a controller, a limit of rates")
     if model.actuator_forcelimited[i]:
         left_out.append(
             f"the limit of the force of {name!r},"
             f" {gear * float(np.abs(model.actuator_forcerange[i]).min()):g} at the joint"
         )
-    supply = math.inf
-    if model.actuator_ctrllimited[i]:
-        supply = float(np.abs(model.actuator_ctrlrange[i]).min()) or math.inf
+    supply, control = math.inf, input_of(model, i)
+    if model.actuator_ctrllimited[control]:
+        supply = float(np.abs(model.actuator_ctrlrange[control]).min()) or math.inf
     return Drive(
         "voltage", motor_constant=constant, resistance_ohm=resistance, gear=gear,
         inductance_h=float(model.actuator_dynprm[i, 0]) * resistance, supply_v=supply,

@@ -69,11 +69,12 @@ def test_fields_are_those_of_the_file(export: Callable[[Device, str], Exported])
     drawn = draws_of(bench(), 20, 3)
     told = as_json(bench(), drawn, lambda d: export(d, "bench"), export.__name__, 3)
     root = ElementTree.fromstring(export(bench(), "bench").body)
-    joint = next(e for e in root.iter("joint") if e.get("name") == "m1")
     masses, levels = drawn.values[:, 0].tolist(), drawn.values[:, 3].tolist()
     if export is mjcf:
-        field = told["fields"]["joint/m1/frictionloss"]
-        assert field["value"] == float(joint.get("frictionloss", ""))
+        field = told["fields"]["dcmotor/stribeck_friction_m1/lugre"]
+        (motor,) = root.iter("dcmotor")
+        assert field["value"] == [float(word) for word in motor.get("lugre", "").split()]
+        field = {"draws": [one[2] for one in field["draws"]]}
         gains = told["fields"]["general/drive/gainprm"]["draws"]
         assert gains == drawn.values[:, 2].tolist()
         inertias = told["fields"]["body/b1/inertial/diaginertia"]["draws"]
@@ -175,7 +176,7 @@ def test_the_command_writes_the_draws_beside_the_model(quick: Path):
     assert run([*line, "--randomise", "30", "--seed", "4"]) == 0
     told = json.loads((quick / "b.draws.json").read_text())
     assert (told["draws"], told["joint"], told["seed"]) == (30, True, 4)
-    assert len(told["fields"]["joint/m1/frictionloss"]["draws"]) == 30
+    assert len(told["fields"]["dcmotor/stribeck_friction_m1/lugre"]["draws"]) == 30
 
 
 def test_formats_without_fields_and_slips_are_refused_with_status_2(

@@ -29,7 +29,7 @@ from zwidth.diagnosis.noise.predictor import (
     observer_near,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.export.read_joint import joint_of
+from zwidth.export.read_joint import drives_of, input_of, joint_of
 from zwidth.sim.band import Band
 from zwidth.sim.device import Device
 
@@ -38,13 +38,13 @@ EVERY = 1 << 30  # more free runs than any recording has
 AHEAD = 2  # samples that are played before a window, beside the delay of an actuator
 
 
-def named_simulator(path: Path) -> str:
-    """Return what runs a model, with its version: "elbow.xml in MuJoCo 3.3.0"."""
-    return f"{path.name} in MuJoCo {version('mujoco')}"
+def simulator_here() -> str:
+    """Return what runs models here, with its version: "MuJoCo 4.0.0"."""
+    return f"MuJoCo {version('mujoco')}"
 
 
 class _Joint(NamedTuple):
-    """Where in a model a joint and its actuator (None for none) stand, and its masses' joints."""
+    """Where in a model a joint, its actuator's input (None for none) and its masses stand."""
 
     position: int
     speed: int
@@ -134,10 +134,7 @@ def _places(mujoco: Any, model: Any, index: int, device: Device) -> _Joint:
     own = [names.index(name) for name in masses] if exported else [index]
     at = [(int(model.jnt_qposadr[i]), int(model.jnt_dofadr[i])) for i in own]
     held = [] if exported else [i for i in range(model.njnt) if i != index]
-    one = int(mujoco.mjtTrn.mjTRN_JOINT)
-    driving = [i for i in range(model.nu)
-               if int(model.actuator_trntype[i]) == one
-               and int(model.actuator_trnid[i, 0]) == index]  # fmt: skip
+    driving = [input_of(model, i) for i in drives_of(mujoco, model, index)]
     positions = np.ones(model.nq, dtype=np.bool_)
     speeds = np.ones(model.nv, dtype=np.bool_)
     for position, speed in at:
