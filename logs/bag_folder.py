@@ -12,7 +12,6 @@ latter metadata.yaml tells alone.
 import re
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +24,7 @@ from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 from zwidth.logs.foreign_mcap import Topic, open_topic, read_foreign_mcap, signals_of
 from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError, Signal, Source
+from zwidth.logs.sqlite_tables import Tables, tables
 from zwidth.logs.unpacked import most_bytes
 
 METADATA, MARK = "metadata.yaml", "rosbag2_bagfile_information:"
@@ -33,6 +33,7 @@ LARGEST = 1 << 20  # bytes of metadata.yaml
 LISTED = re.compile(r"^\s*-\s*[\"']?(.+?)[\"']?\s*$")
 MODE = re.compile(r"^\s*compression_(mode|format):\s*[\"']?(\w+)", re.MULTILINE)
 ZSTD = b"\x28\xb5\x2f\xfd"
+MOST_DEFINED = 1 << 22  # characters of definitions, each as often as a topic is of its type
 MOST_BYTES, MOST_OF_MESSAGE = 1 << 33, 1 << 28  # of a file, unpacked, and of a message
 
 
@@ -117,36 +118,56 @@ def read_sqlite(path: Path, data: bytes, unpack: Callable[[bytes], bytes] | None
     log = path.with_name(f"{path.name}-wal")
     if log.is_file() and log.stat().st_size:
         notes.append(f"{path.name} was not closed; what is in {log.name} alone is not read")
-    address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+    unpacked, defined = 0, 0
     try:
-        with closing(sqlite3.connect(address, uri=True)) as base:
-            base.execute("PRAGMA trusted_schema = OFF")
+        with tables(path) as base:
+            most = most_bytes(base.size, MOST_BYTES)
             definitions = _definitions(base)
-            for number, name, kind, form in base.execute(
-                "SELECT id, name, type, serialization_format FROM topics"
+            for number, name, kind, form in base.rows(
+                "topics", "id, name, type, serialization_format"
             ):
-                topics[int(number)] = _topic(int(number), str(name), str(kind), str(form),
-                                             definitions.get(str(kind)))  # fmt: skip
-            for number, stamp, body in base.execute(
-                "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+                definition = definitions.get(str(kind))
+                defined += len(definition or "")
+                if defined > MOST_DEFINED:
+                    raise ValueError(
+                        f"the definitions of its topics have more than {MOST_DEFINED} characters;"
+                        " record fewer topics"
+                    )
+                topics[int(number)] = _topic(
+                    int(number), str(name), str(kind), str(form), definition
+                )
+            for number, stamp, body in base.rows(
+                "messages", "topic_id, timestamp, data", "timestamp, id"
             ):
                 topic = topics.get(int(number))
                 if isinstance(topic, Topic):
-                    told = bytes(body) if unpack is None else unpack(bytes(body))
+                    told = _told(body, unpack)
+                    unpacked += len(told)
+                    if unpacked > most:
+                        raise ValueError(
+                            f"its messages unpack to more than {most >> 20} MiB, the most that a"
+                            " file of its size may; record a part of it"
+                        )
                     topic.take(Message(int(number), int(stamp), told, int(stamp), 0))
-    except (sqlite3.Error, TypeError, ValueError) as error:
+    except RecordingError:
+        raise
+    except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:
         raise RecordingError(f"{path.name} is not a readable ROS 2 bag: {error}") from None
     signals, aside, unreadable, said = signals_of(list(topics.values()))
     return Source(path, "ROS 2 bag", signals, unreadable, tuple(notes + said), aside=aside)
 
 
-def _definitions(base: sqlite3.Connection) -> dict[str, str]:
+def _told(body: object, unpack: Callable[[bytes], bytes] | None) -> bytes:
+    if not isinstance(body, bytes):
+        raise ValueError(f"a message has {str(body)[:20]!r} for its data, which are bytes")
+    return body if unpack is None else unpack(body)
+
+
+def _definitions(base: Tables) -> dict[str, str]:
     """The definitions of types that a file has, by their names; none before ROS 2 Iron."""
-    tables = {str(name) for (name,) in base.execute("SELECT name FROM sqlite_master")}
-    if "message_definitions" not in tables:
+    if not base.has("message_definitions"):
         return {}
-    rows = base.execute("SELECT topic_type, encoding, encoded_message_definition"
-                        " FROM message_definitions")  # fmt: skip
+    rows = base.rows("message_definitions", "topic_type, encoding, encoded_message_definition")
     return {str(kind): str(text) for kind, form, text in rows if form == "ros2msg" and text}
 
 

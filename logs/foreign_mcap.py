@@ -37,6 +37,7 @@ from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.summary import read_summary
 
 DEEPEST = 8  # messages within messages
+LONGEST = 1 << 17  # bytes of a definition in ROS: ten times as many take a hundred times as long
 MOST_ELEMENTS = 64  # of an array within a message
 MOST_NOTES = 5
 NANOSECONDS = 1_000_000_000
@@ -187,6 +188,11 @@ def open_topic(channel: Channel, schema: Schema | None) -> Topic | str:
         return f"{channel.topic} is of {kind}, which has no motion of a joint, and is not read"
     if encoding == "json":
         return Topic(channel.topic, json.loads)
+    if encoding == "cdr" and schema is not None and len(schema.data) > LONGEST:
+        return (
+            f"{channel.topic} has a definition of {len(schema.data)} bytes, and at most {LONGEST}"
+            " are read; record it without this topic"
+        )
     from mcap_protobuf.decoder import DecoderFactory as Protobuf
     from mcap_ros2.decoder import DecoderFactory as Ros2
 

@@ -1,0 +1,89 @@
+"""How deep and how long a formula in a file may be, found before anything goes through it.
+
+Python's parser, and all that goes through what it returns, call themselves once for each operation
+within another, and give up, or crash, where those are thousands. Whole powers are multiplied out,
+so that `((q**8)**8)**8` has 512 factors.
+"""
+
+import ast
+import math
+import tomllib
+from pathlib import Path
+
+LONGEST = 10_000  # characters
+DEEPEST = 100  # operations within each other; each gets parentheses, of which Python takes 200
+MOST = 5_000  # operations and operands, with whole powers multiplied out
+MOST_POWER = 8  # of a whole exponent that is multiplied out
+
+
+def refuse_endless_file(file: Path, text: bytes) -> None:
+    """Raise ValueError, which begins with the file, as `refuse_endless` for the formula in it."""
+    try:
+        formula = tomllib.loads(text.decode("utf-8")).get("formula")
+    except RecursionError:
+        raise ValueError(
+            f"{file}: this is not TOML that can be read: its values nest too deep; an effect's file"
+            " has a table in a table at most"
+        ) from None
+    except ValueError:  # no TOML; who reads it says so
+        return
+    try:
+        refuse_endless(formula if isinstance(formula, str) else "")
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def refuse_endless(formula: str) -> None:
+    """Raise ValueError for a formula that is too long or too deep, or has an infinite number.
+
+    What is no expression passes: who reads it says so.
+    """
+    if len(formula) > LONGEST:
+        raise ValueError(
+            f"formula has {len(formula)} characters, and may have {LONGEST}; write it shorter, or"
+            " as several effects"
+        )
+    deep = ValueError(
+        f"formula {formula[:20]!r}... has more than {DEEPEST} operations within each other; write"
+        " it shorter, or as several effects"
+    )
+    try:
+        tree = ast.parse(formula.strip(), mode="eval").body
+    except SyntaxError:
+        return
+    except (RecursionError, MemoryError):  # of the parser, whose stack has a limit of its own
+        raise deep from None
+    order, depths = [tree], [1]
+    for node, depth in zip(order, depths, strict=False):  # both grow with what is within
+        if depth > DEEPEST:
+            raise deep
+        if isinstance(node, ast.Constant) and not _finite(node.value):
+            raise ValueError(
+                "formula has a number beyond 1.8e308, the largest one there is; write it smaller"
+            )
+        order += (within := _within(node))
+        depths += [depth + 1] * len(within)
+    sizes: dict[int, int] = {}
+    for node in reversed(order):
+        size = 1 + sum(sizes[id(inner)] for inner in _within(node))
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            exponent = node.right.value if isinstance(node.right, ast.Constant) else 0
+            size *= next((n for n in range(1, MOST_POWER + 1) if n == exponent), 1)
+        sizes[id(node)] = size
+    if sizes[id(tree)] > MOST:
+        raise ValueError(
+            f"formula has {sizes[id(tree)]} operations and operands, whole powers multiplied out,"
+            f" and may have {MOST}; write it shorter, or as several effects"
+        )
+
+
+def _within(node: ast.expr) -> list[ast.expr]:
+    return [inner for inner in ast.iter_child_nodes(node) if isinstance(inner, ast.expr)]
+
+
+def _finite(value: object) -> bool:
+    """Whether a number is one that a computation can begin with; True for what is no number."""
+    try:
+        return not isinstance(value, int | float) or math.isfinite(value)
+    except OverflowError:  # a whole number of more digits than a float has
+        return False
