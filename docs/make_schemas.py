@@ -14,6 +14,8 @@ import msgspec
 from zwidth.diagnosis.answer.events import HIT, JAM, PUSH, SLIP, STOP, TOUCH, UNEXPLAINED
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.learning.changing import SHAPES
+from zwidth.fleet.history import DRIFT, STEP
+from zwidth.fleet.reasons import FAULTS
 from zwidth.results import BoundaryResult
 from zwidth.sim.device_file import (
     BAND_OUTPUT_KEYS,
@@ -90,7 +92,8 @@ def device() -> Schema:
     uncertainty = keys("uncertainty", UNCERTAINTY_FIELDS)
     outputs = keys("band.output", BAND_OUTPUT_KEYS) | keys("band.output", ["name"], TEXT)
     band = keys("band", ("window_s", "windows", "observer_ratio"))
-    band |= keys("band", ["corrected"], TEXTS) | {"output": several(closed(outputs))}
+    band |= keys("band", ["corrected"], TEXTS) | keys("band", ["simulator"], TEXT)
+    band |= {"output": several(closed(outputs))}
     posterior = keys("posterior", POSTERIOR_KEYS[:1], TEXTS)
     posterior |= keys("posterior", POSTERIOR_KEYS[1:2], NUMBERS)
     posterior |= keys("posterior", POSTERIOR_KEYS[2:], several(NUMBERS))
@@ -104,7 +107,7 @@ def device() -> Schema:
         "chain": closed(chain, ("ground_spring", "link_springs", "link_dampers")), "modal": modal,
         "interface": closed(interface, tuple(interface)),
         "uncertainty": closed(uncertainty, tuple(uncertainty)), "drive": {"oneOf": drives},
-        "band": closed(band, ("corrected",)), "posterior": closed(posterior),
+        "band": closed(band, ("corrected", "simulator")), "posterior": closed(posterior),
         "physics": several({"oneOf": _effects()}),
     }  # fmt: skip
     assert set(top) == set(TOP_KEYS)
@@ -242,19 +245,60 @@ def _cost() -> Schema:
                    "member_ticks": COUNT, "by": several(row)})  # fmt: skip
 
 
+def joints() -> Schema:
+    """The JSON of `zwidth diagnose --joint all`: of each joint its answer, or why it has none."""
+    answer = {key: value for key, value in diagnosis().items() if key[0] != "$"}
+    either_of = {"anyOf": [{"$ref": "#/$defs/diagnosis"}, closed({"error": TEXT})]}
+    found = closed({"joints": table(either_of), "still": TEXTS})
+    return named("joints", "diagnose --joint all --json", found | {"$defs": {"diagnosis": answer}})
+
+
+def fleet() -> Schema:
+    """The JSON of `zwidth diagnose` of a folder or a table of recordings."""
+    valued = closed({"value": MAYBE, "error": MAYBE})
+    parameter = closed({
+        "unit": TEXT, "center": MAYBE, "center_error": MAYBE, "shared": YES, "per_device": YES,
+        "per_run": YES, "device_rms": MAYBE, "run_rms": MAYBE, "slopes": table(valued),
+        "gains": table(MAYBE), "repeats_over_errors": MAYBE, "sentence": TEXT,
+    })  # fmt: skip
+    odd = closed({
+        "recording": TEXT, "device": TEXT, "kind": {"enum": list(FAULTS)}, "what": TEXT,
+        "sentence": TEXT, "gained": MAYBE, "parameters": TEXTS, "recording_fault": YES,
+    })  # fmt: skip
+    change = closed({
+        "device": TEXT, "parameter": TEXT, "shape": {"enum": [STEP, DRIFT]}, "date": TEXT,
+        "date_ci95": TEXTS, "before": MAYBE, "after": MAYBE, "unit": TEXT, "gained": MAYBE,
+        "sentence": TEXT,
+    })  # fmt: skip
+    member = closed({
+        "recording": TEXT, "device": TEXT, "date": MAYBE_TEXT, "known": table(NUMBER),
+        "problem": MAYBE_TEXT, "parameters": table(valued), "pooled": table(valued),
+        "noise": MAYBE, "free_run": MAYBE, "odd": YES,
+    })  # fmt: skip
+    return named("fleet", "diagnose FOLDER --json", closed({
+        "fleet": {"const": True}, "headline": TEXT, "recordings": COUNT, "devices": COUNT,
+        "structure": TEXTS, "candidates": table(MAYBE), "parameters": table(parameter),
+        "odd": several(odd), "changes": several(change), "members": several(member),
+        "notes": TEXTS,
+    }))  # fmt: skip
+
+
 def check() -> Schema:
-    """The JSON of `zwidth check`."""
+    """The JSON of `zwidth check`: its answer, or why it has none."""
     output = closed({"output": TEXT, "unit": TEXT, "error": MAYBE, "most": NUMBER,
                      "diagnosed": NUMBER, "motion": NUMBER, "within": YES})  # fmt: skip
     recording = closed({"recording": TEXT, "within": YES, "outputs": several(output),
                         "faults": TEXTS, "remarks": TEXTS})  # fmt: skip
     changed = closed({"parameter": TEXT, "was": NUMBER, "now": NUMBER, "unit": TEXT,
-                      "ci95": NUMBERS})  # fmt: skip
-    return named("check", "check --json", closed({
+                      "ci95": NUMBERS, "recording": MAYBE_TEXT})  # fmt: skip
+    answer = closed({
         "within": YES, "sentence": TEXT, "device": TEXT, "simulator": MAYBE_TEXT,
         "device_within": {"type": ["boolean", "null"]}, "recordings": several(recording),
         "changed": several(changed), "explains": YES,
-    }))  # fmt: skip
+    })  # fmt: skip
+    none = closed({"error": TEXT, "status": {"enum": [2, 3, 130]}})
+    found = {"type": "object", "if": {"required": ["error"]}, "then": none, "else": answer}
+    return named("check", "check --json", found)
 
 
 def plan() -> Schema:
@@ -279,6 +323,9 @@ def boundary() -> Schema:
         part["additionalProperties"] = part.get("additionalProperties", False)
         if "description" in part:  # before msgspec 0.23, as indented as in the code
             part["description"] = cleandoc(part["description"])
+        for value in part["properties"].values():
+            if "anyOf" in value:  # in an order that differs between versions of msgspec
+                value["anyOf"].sort(key=lambda one: one == {"type": "null"})
     return named("boundary", "boundary --json", found)
 
 
@@ -329,9 +376,9 @@ def identify() -> Schema:
     }))  # fmt: skip
 
 
-SCHEMAS = {"device": device, "diagnosis": diagnosis, "check": check, "plan": plan,
-           "boundary": boundary, "relay": relay, "sweep": sweep, "map": map_,
-           "identify": identify}  # fmt: skip
+SCHEMAS = {"device": device, "diagnosis": diagnosis, "joints": joints, "fleet": fleet,
+           "check": check, "plan": plan, "boundary": boundary, "relay": relay, "sweep": sweep,
+           "map": map_, "identify": identify}  # fmt: skip
 
 
 def texts() -> dict[str, str]:

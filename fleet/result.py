@@ -125,7 +125,10 @@ class Fleet(Shown):
         return ", ".join(parts)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON of `zwidth diagnose` for a fleet."""
+        """Return the JSON of `zwidth diagnose` for a fleet; None where a number is not finite."""
+        return _finite(self._as_json())
+
+    def _as_json(self) -> dict[str, Any]:
         return {
             "fleet": True,
             "headline": self.headline,
@@ -141,7 +144,7 @@ class Fleet(Shown):
                     "kind": m.reason.kind,
                     "what": FAULTS[m.reason.kind],
                     "sentence": m.reason.sentence,
-                    "gained": m.reason.gained if math.isfinite(m.reason.gained) else None,
+                    "gained": m.reason.gained,
                     "parameters": list(m.reason.parameters),
                     "recording_fault": m.reason.recording,
                 }
@@ -197,7 +200,7 @@ class Fleet(Shown):
         own = {
             name: {
                 "value": float(q.values[k]),
-                "error": float(q.errors[k]) if math.isfinite(q.errors[k]) else None,
+                "error": float(q.errors[k]),
             }
             for name, k in places.items()
             if not q.problem
@@ -214,3 +217,12 @@ class Fleet(Shown):
             "free_run": q.free,
             "odd": m.reason is not None,
         }
+
+
+def _finite(value: Any) -> Any:
+    """The same value with None for numbers that JSON does not have: a free run may run away."""
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -39,7 +39,8 @@ class Band(Valued):
 
     window [s]: length of a free run; windows: how many there were; ratio: of the observer in whose
     state each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that
-    were corrected in the recordings, which need not be reported for later ones.
+    were corrected in the recordings, which need not be reported for later ones. simulator: what ran
+    the model whose errors these are, with its version ("MuJoCo 4.0.0"); "" for the device itself.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -49,6 +50,7 @@ class Band(Valued):
     ratio: float
     outputs: tuple[OutputBand, ...]
     corrected: tuple[str, ...] = ()
+    simulator: str = ""
 
     def __post_init__(self) -> None:
         for field, value in (("window_s", self.window), ("observer_ratio", self.ratio)):

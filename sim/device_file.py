@@ -54,7 +54,8 @@ CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link
 MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
 MODE_KEYS = ("omega_rad_s", "c_rad_s", "v_rad_s", "d_rad_s")
 BAND_KEYS = {
-    "window_s": "window", "windows": "windows", "observer_ratio": "ratio", "corrected": "corrected"
+    "window_s": "window", "windows": "windows", "observer_ratio": "ratio", "corrected": "corrected",
+    "simulator": "simulator",
 }  # fmt: skip
 POSTERIOR_KEYS = ("names", "sd", "correlation")
 BAND_OUTPUT_KEYS = ("name", "error", "noise", "motion", "scatter")
@@ -221,8 +222,11 @@ def device_to_text(device: Device) -> str:
         sections.append(_section("[uncertainty]", uncertain.keys(), uncertain.values()))
     if device.band is not None:
         band = device.band
-        values = band.window, band.windows, band.ratio, list(band.corrected)
-        sections.append(_section("[band]", BAND_KEYS, values))
+        values = {key: getattr(band, field) for key, field in BAND_KEYS.items()}
+        values["corrected"] = list(band.corrected)
+        if not band.simulator:
+            del values["simulator"]
+        sections.append(_section("[band]", values, values.values()))
         for output in band.outputs:
             own = (getattr(output, key) for key in BAND_OUTPUT_KEYS)
             sections.append(_section("[[band.output]]", BAND_OUTPUT_KEYS, own))
@@ -446,6 +450,7 @@ def _band(table: Table) -> Band:
         table.number("window_s"), int(windows) if windows % 1.0 == 0.0 else windows,  # pyright: ignore[reportArgumentType]
         table.number("observer_ratio"), outputs,
         tuple(table.texts("corrected")) if "corrected" in table else (),
+        table.text("simulator") if "simulator" in table else "",
     )  # fmt: skip
 
 

@@ -127,6 +127,8 @@ DEVICE_KEYS: tuple[Key, ...] = (
     Key("band", "observer_ratio", "process over measurement variance of the observer that starts"
         " them"),
     Key("band", "corrected", "faults that were corrected in the recordings", default="[]"),
+    Key("band", "simulator", "what ran the model whose errors these are; empty for the device",
+        default='""', example='"MuJoCo 4.0.0"'),
     Key("band.output", "name", 'the output, as "position_m1"'),
     Key("band.output", "error", "rms of the free runs, in the unit of the output, as all here"),
     Key("band.output", "noise", "rms error one step ahead"),

@@ -89,6 +89,7 @@ def test_a_true_simulation_passes_and_every_recording_that_a_pattern_names_is_ch
     suite = ElementTree.parse(rig / "zwidth-check.xml").getroot()
     assert sorted(case.attrib["name"] for case in suite) == ["a b.csv", "monday.csv"]
     assert (rig / "output").read_text().startswith("sentence='bench' still describes")
+    assert outputs(rig)["status"] == "0"
     assert "still describes all 2 recordings" in (rig / "summary").read_text()
 
 
@@ -97,13 +98,32 @@ def test_a_machine_that_changed_fails_and_says_how(rig: Path):
     write_csv(rig / "logs" / "tuesday.csv", recorded(heavier(bench()), 71))
     done = step("Check", {"device": "bench.toml", "logs": "logs/*.csv"}, rig)
     assert done.returncode == 1
+    assert outputs(rig)["status"] == "1"
     assert "the inertia m1 +5 %" in (rig / "summary").read_text()
+
+
+def test_a_check_that_fails_itself_is_no_machine_that_changed(rig: Path):
+    """Nor is what fails around it: bash ends with 1 there.
+
+    Mutations: the sentence read from an answer alone; no trap.
+    """
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    given = {"device": "bench.toml", "logs": "logs/monday.csv"}
+    done = step("Check", given | {"junit": "/dev/full"}, rig)
+    assert done.returncode == 3
+    assert outputs(rig)["status"] == "3"
+    assert "no answer: /dev/full: No space left" in (rig / "summary").read_text()
+    (rig / "summary").unlink()
+    (rig / "summary").mkdir()
+    assert step("Check", given, rig).returncode == 3
 
 
 def test_bad_input_fails_with_status_2(rig: Path):
     save_device(replace(banded(), band=None), rig / "bare.toml")
     done = step("Check", {"device": "bare.toml", "logs": "logs/monday.csv"}, rig)
     assert done.returncode == 2
+    assert outputs(rig)["status"] == "2"
     assert "has no [band]" in done.stderr
     done = step("Check", {"device": "bench.toml", "logs": "none/*.csv"}, rig)
     assert done.returncode == 2

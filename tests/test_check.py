@@ -1,10 +1,12 @@
 """`zwidth check`: a machine that is as it was is within its band, and a change of it is named."""
 
 import csv
+import errno
 import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,13 +16,15 @@ from sampled import Sampled
 
 import zwidth
 from zwidth import cli
-from zwidth.checking import Changed, _excess, check
+from zwidth.checking import Changed, Check, Output, Recording, _excess, check
 from zwidth.diagnosis.answer.band import Windows, with_band
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.errors import Status
+from zwidth.sim.account import BOOK
 from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.device import DeviceError
 from zwidth.sim.device_file import commented_text, device_from_text, load_device, save_device
+from zwidth.sim.posterior import Posterior
 
 PERIOD, SECONDS, NOISE = 0.002, 8.0, 1e-4
 SAMPLE_NOISE = np.deg2rad(0.005)  # docs/sample/make_bench.py
@@ -45,9 +49,9 @@ def bench() -> zwidth.Device:
 
 
 def recorded(
-    device: zwidth.Device, seed: int, sign: float = 1.0, noise: float = NOISE
+    device: zwidth.Device, seed: int, sign: float = 1.0, noise: float = NOISE, s: float = SECONDS
 ) -> zwidth.Trace:
-    t = np.linspace(0.0, SECONDS, round(SECONDS / PERIOD), endpoint=False)
+    t = np.linspace(0.0, s, round(s / PERIOD), endpoint=False)
     random = np.random.default_rng(seed)
     torque = np.zeros(t.size)
     for amplitude, f in LINES:
@@ -95,14 +99,19 @@ def heavier(device: zwidth.Device) -> zwidth.Device:
     return device.with_chain(zwidth.make_chain([1.26e-3], [3e-3]))
 
 
+def late(device: zwidth.Device) -> zwidth.Device:
+    return device.with_interface(delay=0.001)
+
+
+def rubs(device: zwidth.Device) -> zwidth.Device:
+    return device.with_physics(stribeck(1.12))
+
+
 CHANGES: dict[str, tuple[Callable[[zwidth.Device], zwidth.Device], tuple[str, ...]]] = {
-    "friction": (lambda d: d.with_physics(stribeck(1.12)), ("Stribeck friction +12 %",)),
-    "delay": (lambda d: d.with_interface(delay=0.001), ("delay +1 ms",)),
+    "friction": (rubs, ("Stribeck friction +12 %",)),
+    "delay": (late, ("delay +1 ms",)),
     "inertia": (heavier, ("the inertia m1 +5 %",)),
-    "both": (
-        lambda d: d.with_physics(stribeck(1.12)).with_interface(delay=0.001),
-        ("Stribeck friction +12 %", "delay +1 ms"),
-    ),
+    "both": (lambda d: late(rubs(d)), ("Stribeck friction +12 %", "delay +1 ms")),
 }
 
 
@@ -115,8 +124,88 @@ def test_what_changed_is_named_with_its_size(name: str):
     assert found.explains, found.sentence
     assert len(found.changed) == len(said)
     assert {c.sentence for c in found.changed} == set(said)
-    for late in (c for c in found.changed if c.words == "delay"):  # a sentence rounds it
-        assert late.now - late.was == pytest.approx(1e-3, rel=0.01)
+    for delay in (c for c in found.changed if c.words == "delay"):  # a sentence rounds it
+        assert delay.now - delay.was == pytest.approx(1e-3, rel=0.01)
+
+
+def test_changes_that_no_recording_has_in_common_are_named_for_each():
+    """Mutation: no fit of each by itself."""
+    machines = {"rubs.csv": rubs, "good.csv": lambda d: d, "late.csv": late}
+    every = [(name, experiments(of(bench()), 30 + i))
+             for i, (name, of) in enumerate(machines.items())]  # fmt: skip
+    found = check(banded(), every)
+    assert found.explains
+    assert found.sentence == (
+        "'bench' no longer describes rubs.csv and late.csv: Stribeck friction +12 % in rubs.csv;"
+        " delay +1 ms in late.csv"
+    )
+    of = {one["parameter"]: one["recording"] for one in found.as_json()["changed"]}
+    assert of == {"stribeck_friction@m1": "rubs.csv", "loop_delay@clock.delay": "late.csv"}
+
+
+def test_recordings_without_a_cause_are_told_from_those_with_one():
+    """Mutation: each cause said once for each recording."""
+    off = Output("position_m1", "rad", 2.0, 1.0, 1.0, 9.0)
+    names = ("a", "b", "c", "d", "e")
+    cause = Changed("delay", "delay", 0.0, 1e-3, 0.0, "s", False, "a")
+    changed = (cause, replace(cause, recording="c"))
+    every = tuple(Recording(name, (off,)) for name in names)
+    found = Check("rig", every, changed, unexplained=("b", "d"), left=("e",))
+    assert found.sentence == (
+        "'rig' no longer describes a, b, c and 2 more: delay +1 ms in a and c; no change of the"
+        " device's parameters explains b and d; --diagnose searches for other physics; check e"
+        " alone, too"
+    )
+
+
+def known_well() -> zwidth.Device:
+    """The bench with what a diagnosis leaves uncertain, and its lever as near zero as one puts it.
+
+    An angle of exactly zero is not fitted.
+    """
+    sd = {"m1": 1e-8, "b1": 1e-7, "stribeck_friction@m1.level": 1e-6}
+    posterior = Posterior(tuple(sd), tuple(sd.values()), tuple(map(tuple, np.eye(len(sd)))))
+    arm = zwidth.make_physics("gravity_pendulum", "m1", level=0.08, angle=1e-6)
+    return replace(banded(), physics=(stribeck(), arm), posterior=posterior)
+
+
+def counted(device: zwidth.Device, *logs: list[Experiment]) -> tuple[Check, int]:
+    """A check, and how many ticks its devices were simulated over."""
+    ticks: list[int] = []
+    token = BOOK.set(lambda members, length, _: ticks.append(members * length))
+    try:
+        return check(device, [(f"{i}.csv", log) for i, log in enumerate(logs)]), sum(ticks)
+    finally:
+        BOOK.reset(token)
+
+
+def test_an_angle_near_zero_does_not_slow_a_fit():
+    """Mutation: its unit a share of its value; the fit then ends before it is at the bottom."""
+    found, _ = counted(known_well(), experiments(rubs(bench()), 31))
+    (changed,) = found.changed
+    assert changed.now / changed.was == pytest.approx(1.12, rel=1e-4)
+
+
+def test_what_a_check_simulates_does_not_grow_with_the_recordings():
+    """Beside the free runs over all of each: a check is to end in ten seconds.
+
+    Mutations: the ticks of a fit not shared by recordings; the draws over whole recordings; a
+    recording within the band searched for wrong signs.
+    """
+
+    def long(of: Callable[[zwidth.Device], zwidth.Device], seed: int) -> list[Experiment]:
+        return stretches(recorded(of(bench()), seed, s=3.0 * SECONDS), bench(), "later")
+
+    device, ticks = known_well(), round(3.0 * SECONDS / PERIOD)
+    within, once = counted(device, long(lambda d: d, 60))
+    assert within.within
+    assert once < 6 * ticks
+    one, most = counted(device, long(rubs, 61))
+    assert [c.sentence for c in one.changed] == ["Stribeck friction +12 %"]
+    assert most < 5_000_000
+    two, both = counted(device, long(rubs, 61), long(late, 63))
+    assert [c.sentence for c in two.changed] == ["Stribeck friction +12 %", "delay +1 ms"]
+    assert both < 9_000_000
 
 
 def test_a_run_without_an_error_explains_nothing():
@@ -130,8 +219,8 @@ def test_a_run_without_an_error_explains_nothing():
 
 
 FINER: dict[str, Callable[[zwidth.Device], zwidth.Device]] = {
-    "Stribeck friction +12 %": lambda d: d.with_physics(stribeck(1.12)),
-    "delay +1 ms": lambda d: d.with_interface(delay=0.001),
+    "Stribeck friction +12 %": rubs,
+    "delay +1 ms": late,
     "delay +2 ms": lambda d: d.with_interface(delay=0.002),
     "gravity pendulum level +5 %": lambda d: d.with_physics(weight(1.05)),
 }
@@ -331,6 +420,82 @@ def test_bad_input_is_a_sentence_and_status_2(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (MemoryError(), Status.BROKEN, "out of memory"),
+        (OSError(errno.ENOSPC, "No space left on device"), Status.BROKEN, "No space left"),
+        (ZeroDivisionError("division"), Status.BROKEN, "internal error, ZeroDivisionError"),
+        (ValueError("this cannot be checked"), Status.BAD_INPUT, "this cannot be checked"),
+        (KeyboardInterrupt(), Status.INTERRUPTED, "interrupted"),
+    ],
+)
+def test_a_check_that_fails_is_no_machine_that_changed(
+    error: BaseException,
+    status: Status,
+    said: str,
+    rig: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    """Mutations: the status of other commands; the files of an earlier check left as they are."""
+    monkeypatch.delenv("ZWIDTH_DEBUG", raising=False)
+    line = ["check", "bench.toml", "good.csv", "bad.csv", "--json", "x.json", "--junit", "x.xml"]
+    assert cli.run(line) == Status.FAILED
+    capsys.readouterr()
+
+    def fails(*_: object) -> Check:
+        raise error
+
+    monkeypatch.setattr("zwidth.checking.check", fails)
+    assert cli.run(line) == status
+    assert said in capsys.readouterr().err
+    found = json.loads((rig / "x.json").read_text())
+    assert found["status"] == status
+    assert said in found["error"]
+    suite = ElementTree.parse(rig / "x.xml").getroot()
+    assert (suite.attrib["errors"], suite.attrib["failures"]) == ("1", "0")
+    assert said in suite[0][0].attrib["message"]
+    assert suite[0][0].tag == "error"
+
+
+def test_a_check_whose_report_cannot_be_written_is_no_machine_that_changed(rig: Path):
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    line = ["check", "bench.toml", "good.csv", "--junit", "/dev/full", "--json", "x.json"]
+    assert cli.run(line) == Status.BROKEN
+    assert "No space left" in json.loads((rig / "x.json").read_text())["error"]
+
+
+def test_the_report_of_an_error_replaces_no_file_of_the_user(rig: Path):
+    """Not even with --force, as what a recording describes may not be known yet.
+
+    Mutation: `--force` obeyed.
+    """
+    kept = (rig / "bad.csv").read_bytes()
+    for option in ("--junit", "--json"):
+        line = ["check", "no.toml", "good.csv", option, "bad.csv", "--force"]
+        assert cli.run(line) == Status.BAD_INPUT
+    assert cli.run(["check", "no.toml", "bad.csv", "--json", "bad.csv"]) == Status.BAD_INPUT
+    assert (rig / "bad.csv").read_bytes() == kept
+
+
+def test_a_search_that_fails_leaves_the_answer_of_the_check(
+    rig: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation: its error let through, which is then taken for one of the check."""
+    monkeypatch.delenv("ZWIDTH_DEBUG", raising=False)
+
+    def fails(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("zwidth.diagnose_files.diagnose_files", fails)
+    line = ["check", "bench.toml", "bad.csv", "--diagnose", "--json", "x.json"]
+    assert cli.run(line) == Status.FAILED
+    assert "the search for other physics failed: out of memory" in capsys.readouterr().err
+    assert json.loads((rig / "x.json").read_text())["within"] is False
+
+
 def test_what_is_outside_is_searched_where_that_is_asked(
     rig: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -347,7 +512,9 @@ def test_what_is_outside_is_searched_where_that_is_asked(
 def test_a_model_is_checked_in_mujoco_and_one_that_changed_is_told_from_the_machine(
     form: str, rig: Path, capsys: pytest.CaptureFixture[str]
 ):
-    """Mutation: the device simulated in place of the model."""
+    """With the version that the band was of. Mutations: the device simulated in place of the model;
+    the band without its simulator; versions in the wrong order.
+    """
     pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     plain = bench().without_physics("gravity_pendulum", "stribeck_friction")
     rubbing = plain.with_physics(zwidth.make_physics("coulomb_friction", "m1", level=0.02))
@@ -360,8 +527,19 @@ def test_a_model_is_checked_in_mujoco_and_one_that_changed_is_told_from_the_mach
     assert cli.run([*on_model, "--rebase", "own.toml"]) == Status.DONE
     own = ["check", "own.toml", "rub.csv", "--joint", "m1", "--model"]
     assert cli.run([*own, "rub.xml"]) == Status.DONE
+    assert zwidth.check("own.toml", "rub.csv", joint="m1", model="rub.xml").within
     wrong = text.replace("0.02", "0.03")
     assert wrong != text
     (rig / "other.xml").write_text(wrong)
+    assert cli.run([*own, "other.xml"]) == Status.FAILED
+    here = load_device("own.toml").band
+    assert here is not None
+    assert here.simulator == f"MuJoCo {version('mujoco')}"
+    assert f"the model, in the same {here.simulator}, has changed" in capsys.readouterr().out
+    written = Path("own.toml").read_text()
+    Path("own.toml").write_text(written.replace(here.simulator, "MuJoCo 3.17.0"))
+    assert cli.run([*own, "other.xml"]) == Status.FAILED
+    assert f"(MuJoCo 3.17.0 -> {version('mujoco')}) has changed" in capsys.readouterr().out
+    own[1] = "rub.toml"
     assert cli.run([*own, "other.xml"]) == Status.FAILED
     assert "the model or its simulator has changed" in capsys.readouterr().out

@@ -81,6 +81,7 @@ def test_a_check_answers_and_bad_input_is_one_sentence(rig: Path):
     assert answer(good)["within"] is True
     assert answer(bad)["status"] == 1
     assert "the inertia m1 +5 %" in answer(bad)["sentence"]
+    assert none.is_error
     assert "neither a file nor a shipped device" in none.content[0].text
     assert "--diagnose does not exist" in odd.content[0].text  # a name, and never an option
 

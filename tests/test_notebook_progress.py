@@ -16,13 +16,28 @@ import zwidth
 device = zwidth.load_device("phantom_1_0")
 found = zwidth.boundary(device, [0.01, 0.02], search=zwidth.Search(tolerance=0.05))
 """
+# What a spinner of marimo shows, from its start to its end.
+WATCHED = """
+import marimo
+class Watched(marimo.status.spinner):
+    def __enter__(self):
+        shown = super().__enter__()
+        update = shown.update
+        def watched(**words):
+            update(**words)
+            print(shown.title, shown.subtitle, sep=": ", file=told, flush=True)
+        shown.update = watched
+        return shown
+told = open("told.txt", "w")
+marimo.status.spinner = Watched
+"""
 MARIMO = f"""
 import marimo
 app = marimo.App()
 
 @app.cell
 def _():
-    {ASKED.strip().replace(chr(10), chr(10) + "    ")}
+    {(WATCHED + ASKED).strip().replace(chr(10), chr(10) + "    ")}
     found.points[0]
     return
 
@@ -123,8 +138,8 @@ def test_jupyter_shows_one_line_of_progress_and_tables():
     assert "<td" in value.data["text/html"]
 
 
-def test_marimo_shows_tables_and_ends_its_spinner(tmp_path: Path):
-    """Mutation: a spinner that marimo does not know, or that stays."""
+def test_marimo_shows_tables_and_a_spinner_that_ends(tmp_path: Path):
+    """Mutations: a spinner that marimo does not know, that stays, or that never starts."""
     (tmp_path / "app.py").write_text(MARIMO)
     page = tmp_path / "app.html"
     line = [sys.executable, "-m", "marimo", "export", "html", "app.py", "-o", str(page)]
@@ -136,4 +151,7 @@ def test_marimo_shows_tables_and_ends_its_spinner(tmp_path: Path):
     text = page.read_text(encoding="utf-8")
     assert "BoundaryPoint" in text
     assert "MarimoExceptionRaisedError" not in text
-    assert "finding the boundary" not in text
+    assert "finding the boundary" not in text  # the spinner is gone
+    told = (tmp_path / "told.txt").read_text().splitlines()
+    assert "finding the boundary: 100 %" in told
+    assert all(line.startswith("finding the boundary: ") for line in told)

@@ -364,6 +364,15 @@ def test_all_results_are_shown():
     assert shown == set(RESULTS)
 
 
+def test_the_page_of_python_names_every_result():
+    """Mutation: a result that the page leaves out, or that there is not."""
+    page = Path(__file__).parents[1] / "docs" / "python.md"
+    if not page.is_file():
+        pytest.skip("not a clone: the wheel has no documentation")
+    listed = page.read_text(encoding="utf-8").partition("## Results")[2].partition("in common:")[0]
+    assert sorted(re.findall(r"`(\w+)`", listed)) == sorted(RESULTS)
+
+
 def is_shown(value: type) -> bool:
     return issubclass(value, Shown)
 

@@ -1,6 +1,7 @@
 """What a release says of itself, in every place the same."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -50,12 +51,42 @@ def test_a_release_is_tried_with_the_lowest_versions_and_has_its_bill_of_materia
     assert "zwidth.cdx.json" in jobs["attach"]["steps"][-1]["run"]
 
 
+def test_a_tag_of_another_version_is_not_published(tmp_path: Path):
+    """By the step's own lines. Mutations: only the beginning compared; publishing before it."""
+    yaml = pytest.importorskip("yaml", reason="PyYAML, which mkdocs brings, is not installed")
+    steps = yaml.safe_load(WORKFLOW.read_text())["jobs"]["publish"]["steps"]
+    lines = [step.get("run", "") for step in steps]
+    (refusal,) = [i for i, line in enumerate(lines) if "GITHUB_REF_NAME" in line]
+    assert "gh-action-pypi-publish" in steps[refusal + 1]["uses"]
+    version = PROJECT["version"]
+    (tmp_path / "dist").mkdir()
+
+    def refused(tag: str) -> bool:
+        return subprocess.run(
+            ["bash", "-e", "-c", lines[refusal]], cwd=tmp_path, capture_output=True, check=False,
+            env=os.environ | {"GITHUB_REF_NAME": tag},
+        ).returncode != 0  # fmt: skip
+
+    assert refused(f"v{version}")  # nothing was built
+    for name in (f"zwidth-{version}-py3-none-any.whl", f"zwidth-{version}.tar.gz"):
+        (tmp_path / "dist" / name).touch()
+    assert not refused(f"v{version}")
+    assert all(refused(tag) for tag in ("v0.9", f"v{version}1", f"v{version[:-1]}", "v*"))
+    (tmp_path / "dist" / "zwidth-0.9.tar.gz").touch()
+    assert refused(f"v{version}")
+
+
 def test_the_bill_of_materials_names_zwidth_as_its_root(tmp_path: Path):
-    """Of this environment, which needs no network. Mutation: without `--pyproject`, no root."""
-    if shutil.which("cyclonedx-py") is None:
-        pytest.skip("cyclonedx-py is not on the PATH (pip install cyclonedx-bom)")
+    """Of this environment, which needs no network; a release validates it, too, for 20 s.
+
+    Mutation: without `--pyproject`, no root.
+    """
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    if shutil.which("cyclonedx-py", path=path) is None:
+        pytest.skip("cyclonedx-py is not here (pip install cyclonedx-bom)")
     out = tmp_path / "zwidth.cdx.json"
-    subprocess.run(["bash", ROOT / ".ci" / "sbom", sys.executable, out], check=True)
+    line = ["bash", ROOT / ".ci" / "sbom", sys.executable, out, "--no-validate"]
+    subprocess.run(line, check=True, env=os.environ | {"PATH": path})
     found = json.loads(out.read_text())
     root = found["metadata"]["component"]
     assert (root["name"], root["version"]) == ("zwidth", PROJECT["version"])

@@ -1,15 +1,21 @@
 """The published JSON schemas, held against real outputs and real files."""
 
 import json
+import re
 import runpy
+import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import MadeOnce
 from sampled import SAMPLE, Sampled
 from test_check import banded, bench, heavier, recorded, write_csv
+from test_door import ANGLE, TORQUE, T
+from test_fleet import KNOWN, make
 
 from zwidth import cli
 from zwidth.controllers.excitation import noise
@@ -19,6 +25,9 @@ from zwidth.diagnosis.answer.events import Course, Event
 from zwidth.diagnosis.answer.result import Estimate, Unanswered
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
+from zwidth.files.whole import json_text
+from zwidth.fleet.diagnosed import diagnose_fleet
+from zwidth.fleet.listing import listed
 from zwidth.identification.output import position
 from zwidth.sim.device_file import commented_text, shipped_devices, template_text
 from zwidth.sim.device_file import load_device as load
@@ -80,10 +89,13 @@ def misspelt(value: Any, place: tuple[str | int, ...]) -> Any:
     return copy
 
 
-def test_every_schema_has_an_id_of_its_own_and_is_in_the_wheel():
+def test_every_schema_has_an_id_of_its_own_is_on_a_page_and_in_the_wheel():
     """Mutation: a schema without an entry in `SCHEMAS`, or the folder left out of the wheel."""
-    found = [json.loads(path.read_text()) for path in (DOCS / "schemas").glob("*.json")]
-    assert len({schema["$id"] for schema in found}) == len(found) == 9
+    files = sorted((DOCS / "schemas").glob("*.json"))
+    found = [json.loads(path.read_text()) for path in files]
+    assert len({schema["$id"] for schema in found}) == len(found) == 11
+    page = (DOCS / "diagnosis_json.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"\(schemas/([\w.]+)\)", page)) == [path.name for path in files]
     project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text())
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel["force-include"]["docs/schemas"] == "zwidth/schemas"
@@ -209,3 +221,48 @@ def test_a_diagnosis_and_checks_are_as_the_schemas_say(
         assert refused("check", misspelt(found, loose)), loose
     del found["recordings"][0]["outputs"][0]["most"]
     assert refused("check", found) == ["'most' is a required property"]
+    assert cli.run(["check", str(sampled.device), "none.csv", "--json", "c.json"]) == 2
+    none = json.loads((tmp_path / "c.json").read_text())
+    assert refused("check", none) == []
+    assert refused("check", misspelt(none, ()))
+
+
+def test_a_fleet_is_as_the_schema_says(made_once: MadeOnce, tmp_path: Path):
+    """With one that runs away. Mutations: a key added or renamed; a number that JSON has not."""
+    shutil.copytree(made_once("fleet", make), tmp_path / "copy")
+    fleet = diagnose_fleet(KNOWN, listed(tmp_path / "copy" / "rig"), tmp_path / "copy" / "work")
+    first, *others = fleet.members
+    away = replace(first, quick=replace(first.quick, free=np.inf))
+    found = json.loads(json_text(replace(fleet, members=(away, *others)).as_json()))
+    assert found["members"][0]["free_run"] is None
+    assert refused("fleet", found) == []
+    for loose in ((), ("parameters", "k0"), ("parameters", "m1", "slopes", "load [kg]"),
+                  ("odd", 0), ("changes", 0), ("members", 0), ("members", 0, "parameters", "k0"),
+                  ("members", 0, "pooled", "k0")):  # fmt: skip
+        assert refused("fleet", misspelt(found, loose)), loose
+
+
+def test_the_joints_of_a_recording_are_as_the_schema_says(
+    sampled: Sampled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Of one that is diagnosed and one that is not. Mutation: a joint without its answer."""
+    monkeypatch.chdir(tmp_path)
+    grid = np.column_stack([T, TORQUE, ANGLE, TORQUE, ANGLE, 0.0 * T, 0.0 * T])
+    header = "time,tau[0],q[0],tau[1],q[1],tau[2],q[2]"
+    np.savetxt("arm.csv", grid, "%.17g", ",", header=header, comments="")
+
+    def diagnose(console: Any, recordings: tuple[Path, ...], *_: Any) -> Any:
+        if recordings[0].name == "arm.1.toml":
+            raise ValueError("a test")
+        console.result(sampled.answer)
+        return sampled.found
+
+    monkeypatch.setattr("zwidth.joint_door.diagnose_files", diagnose)
+    assert cli.run(["diagnose", "arm.csv", "--joint", "all", "--json", "r.json"]) == 0
+    found = json.loads((tmp_path / "r.json").read_text())
+    assert found == {
+        "joints": {"0": sampled.answer, "1": {"error": "a test"}}, "still": ["2"]
+    }  # fmt: skip
+    assert refused("joints", found) == []
+    for loose in ((), ("joints", "0"), ("joints", "0", "findings", 0), ("joints", "1")):
+        assert refused("joints", misspelt(found, loose)), loose

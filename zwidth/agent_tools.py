@@ -35,7 +35,7 @@ async def asked(command: str, options: dict[str, Any], *arguments: str) -> dict[
     """Return the JSON of a command, with its exit status.
 
     options: by their names; None leaves one out, a list gives it several values. Raises ToolError
-    with the command's message if it gave no JSON.
+    with the command's message if it gave no JSON, or only an error.
     """
     with TemporaryDirectory(prefix="zwidth-mcp-") as folder:
         file = Path(folder) / "result.json"
@@ -51,7 +51,10 @@ async def asked(command: str, options: dict[str, Any], *arguments: str) -> dict[
         if not file.is_file():
             said = done.stderr.decode(errors="replace").strip().splitlines()
             raise ToolError(said[-1] if said else f"exit status {done.returncode}")
-        return {"status": done.returncode, **json.loads(file.read_text(encoding="utf-8"))}
+        found = json.loads(file.read_text(encoding="utf-8"))
+        if isinstance(found.get("error"), str):
+            raise ToolError(found["error"])
+        return {"status": done.returncode, **found}
 
 
 async def diagnose(
@@ -80,7 +83,8 @@ async def check(
 
     device: the improved device of a diagnosis (`augmented_device`). recordings: later ones of the
     same machine. model, joint: an MJCF or URDF model that MuJoCo runs instead. Takes seconds.
-    status 0: within the band, 1: outside.
+    status 0: within the band, 1: outside. Bad input (2) or a check that failed (3) is an error of
+    this tool and says nothing about the machine.
     """
     return await asked("check", {"model": model, "joint": joint}, device, *recordings)
 

@@ -1,17 +1,22 @@
 """Whether a device file still describes its machine: its free runs against the band in its file.
 
-Each recording is judged by itself (`diagnosis.answer.band`). If one is outside, the parameters of
-the device, including its delay, are fitted again to the recordings outside (no effects are searched
-for), and the fewest changes that explain the fit are reported. Near the fitted x the cost is (x -
-x_fit)' H (x - x_fit), where H is the inverse of the covariance of x, so the share that any subset
-explains, with the others as in the file, follows by algebra. This form holds only near the fitted
-x, so if the best subset fails, the next ones are fitted too and the real costs decide. Free runs
-then show whether these changes alone bring the recording back within the band; only then are they
-named.
+Each recording is judged by itself (`diagnosis.answer.band`). One that is within as it is needs no
+search for wrong signs and the like. If one is outside, the parameters of the device, including its
+delay, are fitted again to the recordings outside (no effects are searched for), and the fewest
+changes that explain the fit are reported. Near the fitted x the cost is (x - x_fit)' H (x - x_fit),
+where H is the inverse of the covariance of x, so the share that any subset explains, with the
+others as in the file, follows by algebra. This form holds only near the fitted x, so if the best
+subset fails, the next ones are fitted too and the real costs decide. Free runs then show whether
+these changes alone bring the recording back within the band; only then are they named. If no change
+explains all recordings outside, each is fitted by itself.
+
+What is fitted is limited in total, so that many or long recordings take no longer: an even share of
+each, from the beginning of its motion. (A state in the midst of motion is known less well.) What is
+named is verified on the whole of each.
 
 The parameters in the file are themselves uncertain, and another motion may ask more of them than
 the held-out data did. So before a recording is called outside, the band is widened by the errors
-that the file's posterior implies for this recording (`_unsure`).
+that the file's posterior implies for this recording (`_widened`).
 
 A reading that is finer than the band's noise (one without noise, or of a simulation) gets the
 missing noise for the fit. Without it, -2 log likelihood counts errors far below those that the band
@@ -19,24 +24,26 @@ allows: the form is then too narrow to hold over a change of a few percent.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.special import ndtri
+from scipy.stats import t as student
 
 from zwidth.diagnosis.answer.band import RARE, Windows, most, of_windows, windows_of
 from zwidth.diagnosis.answer.findings import UNITS
 from zwidth.diagnosis.answer.words import effect_in_words, listed, parameter_in_words
+from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
-from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.intake.take_in import readings
+from zwidth.diagnosis.intake.gate import Fault, oddities
+from zwidth.diagnosis.intake.take_in import readings, said_once
 from zwidth.diagnosis.model.own_values import first_x
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
@@ -53,7 +60,11 @@ from zwidth.sim.readable import percent, with_unit
 Floats = NDArray[np.float64]
 Simulate = Callable[[Experiment, Band], Windows]
 """What runs another simulator freely over the windows of a recording."""
-FITTED = 10_000  # ticks that parameters are fitted to, at most: a check ends within ten seconds
+FITTED = 50_000  # ticks that are fitted to, times parameters: a check is to end in ten seconds
+LEAST = 1000  # ticks of a recording that are fitted to; fewer recordings rather than fewer ticks
+LOOKED = 4000  # ticks that are searched for wrong signs and the like
+ALONE = 4  # recordings that are fitted by themselves, at most
+ORIGINS = 10_000  # ticks that the origins of a recording are fitted to
 MOST = 3  # changes listed in a sentence
 TRIED = 3  # single changes that are fitted, if the best by the quadratic form does not explain it
 DIGITS = 2  # of a change, at most
@@ -63,8 +74,15 @@ ENOUGH = 0.05  # share of the error that may be left unexplained
 TELLING = 3.0  # times its noise, that an output must move by to say anything
 STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
 DRAWS = 12  # of the posterior
-FAR = -float(ndtri(0.5 * RARE))  # standard deviations that one error in so many exceeds
+FEWEST, FAR = 3, 3.0  # draws that suffice where the error is so many times what they may imply
+HOPELESS = 3.0  # of errors over what explains them, with all parameters free: no two explain them
+TURN = 0.3  # rad, one unit of x: a share of an angle near zero would be none at all
+WIDE = 10.0  # standard deviations of a parameter, one unit of x at least
+ONSET = 0.01  # of the largest deviation from the first sample: motion has begun
 DELAY = "loop_delay"
+NO_CHANGE = (
+    "no change of the device's parameters explains {}; --diagnose searches for other physics"
+)
 NO_BAND = (
     "{} has no [band], which gives the allowed error; take the improved device that 'zwidth"
     " diagnose' writes (NAME.augmented.toml)"
@@ -122,7 +140,10 @@ class Recording(Valued):
 
 @dataclass(frozen=True)
 class Changed(Valued):
-    """A parameter of the device whose value has changed. half_width: of its 95 % interval."""
+    """A parameter of the device whose value has changed. half_width: of its 95 % interval.
+
+    recording: the one in which it has; "" if it is the same change in all that are outside.
+    """
 
     name: str
     words: str
@@ -131,6 +152,7 @@ class Changed(Valued):
     half_width: float
     unit: str
     relative: bool
+    recording: str = ""
 
     @property
     def sentence(self) -> str:
@@ -149,6 +171,7 @@ class Changed(Valued):
         return {
             "parameter": self.name, "was": self.was, "now": self.now, "unit": self.unit,
             "ci95": [self.now - self.half_width, self.now + self.half_width],
+            "recording": self.recording or None,
         }  # fmt: skip
 
 
@@ -157,7 +180,9 @@ class Check(Shown):
     """Whether a simulation still predicts its machine. simulator: its name, "" for the device.
 
     changed: the refitted parameters that bring recordings outside the band back; empty if none do;
-    explains: whether there are such.
+    explains: whether they bring all back. unexplained: recordings, each fitted by itself, that no
+    change brings back; left: further ones that were not fitted by themselves. since: the simulator
+    of the band, with its version; "" if the band is the device's own.
     """
 
     device: str
@@ -166,6 +191,9 @@ class Check(Shown):
     explains: bool = False
     simulator: str = ""
     device_within: bool | None = None
+    unexplained: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()
+    since: str = ""
 
     @property
     def within(self) -> bool:
@@ -187,15 +215,35 @@ class Check(Shown):
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, but '{self.device}' still does: the model or its simulator has changed,"
-                " not the machine"
+                f"{head}, but '{self.device}' still does: {self._suspect} has changed, not the"
+                " machine"
             )
-        if not self.explains:
-            return (
-                f"{head}: no change of the device's parameters explains the errors; --diagnose"
-                " searches for other physics"
-            )
-        return f"{head}: {listed([c.sentence for c in self.changed])}"
+        if not self.changed:
+            return f"{head}: {NO_CHANGE.format('the errors')}"
+        return f"{head}: {'; '.join(self._causes())}"
+
+    def _causes(self) -> Iterator[str]:
+        """What changed, in words, and which recordings that leaves."""
+        of: dict[str, list[str]] = {}
+        for name in dict.fromkeys(c.recording for c in self.changed):
+            said = listed([c.sentence for c in self.changed if c.recording == name])
+            of.setdefault(said, []).append(name)
+        for said, names in of.items():
+            yield said if names == [""] else f"{said} in {listed(names)}"
+        if self.unexplained:
+            yield NO_CHANGE.format(listed(self.unexplained))
+        if self.left:
+            yield f"check {listed(self.left)} alone, too"
+
+    @property
+    def _suspect(self) -> str:
+        """Say what changed if the machine did not: the simulator only with another version."""
+        now = self.simulator.rpartition(" in ")[2]
+        if not self.since:
+            return "the model or its simulator"
+        if self.since == now:
+            return f"the model, in the same {now},"
+        return f"the model or its simulator ({self.since} -> {now.rpartition(' ')[2]})"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth check`."""
@@ -243,39 +291,41 @@ def check(
     """
     if device.band is None:
         raise ValueError(NO_BAND.format(device.name))
-    run = _own_runs(device)
+    run = _Runs(device)
     pairs: list[tuple[_Taken, Recording]] = []
     for done, (name, stretches) in enumerate(recordings):
         say(f"{100.0 * done / len(recordings):.0f} %, checking {name}")
-        pairs.append(_read(device, name, stretches, run))
+        pairs.append(_read(name, stretches, run))
     own = found = [said for _, said in pairs]
     if simulate is not None:
         say(f"simulating the recordings in {simulator}")
-        found = [_judged(device, one, simulate) for one, _ in pairs]
+        found = [_judged(one, run, simulate) for one, _ in pairs]
     outside = [one for one, said in pairs if not said.within]
-    changed: tuple[Changed, ...] = ()
-    explains = False
+    named = _Named()
     if outside and not any(said.news for said in own):
-        say("refitting the parameters, to find which of them changed")
-        changed, explains = _changes(device, outside, run)
+        named = _named(outside, run, say)
     told = None if simulate is None else all(said.within for said in own)
-    return Check(device.name, tuple(found), changed, explains, simulator, told)
+    explains = bool(named.changed) and not (named.unexplained or named.left)
+    return Check(device.name, tuple(found), named.changed, explains, simulator, told,
+                 named.unexplained, named.left, device.band.simulator)  # fmt: skip
 
 
 def rebased(
     device: Device,
     recordings: Sequence[tuple[str, Sequence[Experiment]]],
     simulate: Simulate | None = None,
+    simulator: str = "",
 ) -> Device:
     """Return a device whose band is computed from the errors of free runs on these recordings.
 
-    simulate: as `check` takes it. Raises as `check`, and ValueError for fewer than two windows.
+    simulate: as `check` takes it; simulator: what it is, with its version ("MuJoCo 4.0.0"), which
+    the band keeps. Raises as `check`, and ValueError for fewer than two windows.
     """
     band = device.band
     if band is None:
         raise ValueError(NO_BAND.format(device.name))
-    run = _own_runs(device)
-    pairs = [_read(device, name, stretches, run) for name, stretches in recordings]
+    run = _Runs(device)
+    pairs = [_read(name, stretches, run) for name, stretches in recordings]
     every = [e for one, _ in pairs for e in one.stretches]
     found = _joined([(simulate or run)(e, band) for e in every], pairs[0][0].name)
     kinds = [f.kind for one, _ in pairs for f in one.faults if f.wrong]
@@ -285,7 +335,7 @@ def rebased(
             f"the recordings give {found.error.shape[0]} free run(s) of {band.window:g} s without"
             " overflow, but a band needs at least two; give longer recordings"
         )
-    return replace(device, band=new)
+    return replace(device, band=replace(new, simulator=simulator))
 
 
 class _Taken(NamedTuple):
@@ -296,43 +346,103 @@ class _Taken(NamedTuple):
     faults: tuple[Fault, ...]
 
 
-def _read(
-    device: Device, name: str, stretches: Sequence[Experiment], run: Simulate
-) -> tuple[_Taken, Recording]:
+def _read(name: str, stretches: Sequence[Experiment], run: "_Runs") -> tuple[_Taken, Recording]:
     """A recording as it is, or corrected for a suspected fault if it is then within the band."""
-    every = [_Taken(name, r.whole, r.faults) for r in readings(device, stretches, None)]
-    first, *others = ((one, _judged(device, one, run)) for one in every)
+    device = run.device
+    odd = said_once([fault for e in stretches for fault in oddities(device, e)])
+    as_is = _Taken(name, tuple(stretches), tuple(odd))
+    judged_as_is = None
+    with suppress(ValueError):  # it may have to be read otherwise, as counts
+        judged_as_is = _judged(as_is, run, run)
+        if all(o.within for o in judged_as_is.outputs):
+            return as_is, judged_as_is
+    parts = [_short(e, LOOKED) for e in stretches]
+    every = readings(device, parts, None)
+    if judged_as_is is not None and len(every) == 1 and _unread(every[0].whole, parts):
+        return as_is, judged_as_is
+    if any(a is not b for a, b in zip(parts, stretches, strict=True)):
+        every = readings(device, stretches, None)
+    taken = [_Taken(name, r.whole, r.faults) for r in every]
+    first, *others = ((one, _judged(one, run, run)) for one in taken)
     if all(o.within for o in first[1].outputs):
         return first
     return next((pair for pair in others if all(o.within for o in pair[1].outputs)), first)
 
 
-def _own_runs(device: Device) -> Simulate:
-    """Free runs of the device itself, with the origins and zeros of each recording fitted."""
-    model = Model(device)
-    free = [i for i, p in enumerate(model.parameters) if p.kind in ("origin", "zero")]
+def _unread(read: Sequence[Experiment], given: Sequence[Experiment]) -> bool:
+    """Whether recordings were read as they are. A change of anything makes a new object."""
+    names = [f.name for f in fields(Experiment) if f.name != "swing"]
+    return len(read) == len(given) and all(
+        getattr(a, name) is getattr(b, name)
+        for a, b in zip(read, given, strict=True)
+        for name in names
+    )
 
-    def run(e: Experiment, band: Band) -> Windows:
-        x = np.zeros(len(model.parameters))
-        try:
-            if free:
-                h = settled(judged([_short(e, FITTED)], model, first_x(model, [e])), turns=1)
-                x[free] = _beside(h.x, covariance(h.fitted), free, x)[free]
-            return windows_of(model, x, [e], band.ratio, band.window)
-        except NoObserver as error:
-            raise ExperimentError(f"{e.name}: {error}") from error
 
-    return run
+class _Runs:
+    """Free runs of the device itself, with the origins and zeros of each recording fitted.
+
+    What was simulated is kept.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device, self.model = device, Model(device)
+        kinds = ("origin", "zero")
+        self.free = [i for i, p in enumerate(self.model.parameters) if p.kind in kinds]
+        self._fits: dict[int, tuple[Experiment, Hypothesis]] = {}
+        self._runs: dict[int, tuple[Experiment, Windows]] = {}
+
+    def __call__(self, e: Experiment, band: Band) -> Windows:
+        """Return the free runs over a recording; raises ExperimentError without an observer."""
+        if id(e) not in self._runs:
+            try:
+                found = windows_of(self.model, self._own(e), [e], band.ratio, band.window)
+            except NoObserver as error:
+                raise ExperimentError(f"{e.name}: {error}") from error
+            self._runs[id(e)] = e, found
+        return self._runs[id(e)][1]
+
+    def near(self, drawn: Device, e: Experiment, part: Experiment, band: Band) -> Windows:
+        """Return those of a device near this one over a part of a recording; raises NoObserver.
+
+        Its origins and zeros are those of this device on the recording, corrected by one step.
+        """
+        if drawn is self.device and part is e and not self.free:
+            return self(e, band)
+        model, x = Model(drawn), self._own(e)
+        if self.free:
+            problem = Problem([part], self._fit(e).noise.observer)
+            steps = STEP * np.eye(x.size)[self.free]
+            here, *ahead = problem.weighted_each(model, [x, *(x + step for step in steps)])
+            slopes = np.stack([(one - here) / STEP for one in ahead], axis=1)
+            x[self.free] -= np.linalg.lstsq(slopes, here, rcond=None)[0]
+        return windows_of(model, x, [part], band.ratio, band.window)
+
+    def _fit(self, e: Experiment) -> Hypothesis:
+        if id(e) not in self._fits:
+            begun = judged([_short(e, ORIGINS)], self.model, first_x(self.model, [e]))
+            self._fits[id(e)] = e, settled(begun, turns=1)
+        return self._fits[id(e)][1]
+
+    def _own(self, e: Experiment) -> Floats:
+        """The x of the device itself, but with the origins and zeros of a recording."""
+        x = np.zeros(len(self.model.parameters))
+        if self.free:
+            h = self._fit(e)
+            x[self.free] = _beside(h.x, covariance(h.fitted), self.free, x)[self.free]
+        return x
 
 
 def _short(e: Experiment, ticks: int) -> Experiment:
     return e if e.ticks <= ticks else e.part(0, ticks)
 
 
-def _judged(device: Device, one: _Taken, simulate: Simulate) -> Recording:
-    band = device.band
+def _judged(one: _Taken, own: _Runs, simulate: Simulate) -> Recording:
+    """The check of a recording by free runs of a simulator."""
+    device, band = own.device, own.device.band
     assert band is not None
-    found = _joined([simulate(e, band) for e in one.stretches], one.name)
+    each = [simulate(e, band) for e in one.stretches]
+    found = _joined(each, one.name)
     outputs = tuple(_output(device, band, o, found, one.name) for o in band.outputs
                     if o.name in found.names)  # fmt: skip
     if not outputs:
@@ -341,32 +451,49 @@ def _judged(device: Device, one: _Taken, simulate: Simulate) -> Recording:
             f" {', '.join(o.name for o in band.outputs)}; give a recording with one of these"
         )
     if device.posterior is not None and not all(o.within for o in outputs):
-        more = _unsure(device, band, one)
-        outputs = tuple(replace(o, most=math.hypot(o.most, FAR * more[o.name])) for o in outputs)
+        outputs = _widened(own, one, outputs)
     news = tuple(f for f in one.faults if f.wrong and f.kind not in band.corrected)
     remarks = tuple(f.sentence for f in one.faults if f not in news)
     return Recording(one.name, outputs, news, remarks)
 
 
-def _unsure(device: Device, band: Band, one: _Taken) -> dict[str, float]:
-    """The rms error of free runs, by output, that the uncertainty of the parameters implies.
+def _widened(own: _Runs, one: _Taken, outputs: Sequence[Output]) -> tuple[Output, ...]:
+    """Outputs with the band wider by the errors that the parameters' uncertainty may well imply.
 
     For the error e of the file and what a draw adds to it, E |e + d|^2 = |e|^2 + E |d|^2, since d
-    scatters about zero. A draw that overflows says nothing.
+    scatters about zero. A draw that overflows says nothing. The scatter of so few draws is itself
+    uncertain, so the quantile is Student's. A few draws may by chance lie on the side of e where
+    they lower the error, so these end it only if their scatter is small, too.
     """
+    device, band = own.device, own.device.band
+    assert band is not None
+    names = [o.name for o in one.stretches[0].outputs]
+    at = [names.index(o.name) for o in outputs]
 
     def squares(of: Device) -> Floats:
-        run = _own_runs(of)
-        return _joined([run(e, band) for e in one.stretches], one.name).error.mean(axis=0)
+        runs = [own.near(of, e, e, band) for e in one.stretches]
+        return _joined(runs, one.name).error.mean(axis=0)[at]
 
-    drawn: list[Floats] = []
+    base = squares(device)
+
+    def wider(by: Floats) -> tuple[Output, ...]:
+        return tuple(replace(o, most=math.hypot(o.most, more))
+                     for o, more in zip(outputs, by.tolist(), strict=True))  # fmt: skip
+
+    wide, told = tuple(outputs), list[Floats]()
     for each in draws_of(device, DRAWS, SEED).devices:
-        with suppress(ExperimentError):  # no observer
-            drawn.append(squares(each))
-    names = [o.name for o in one.stretches[0].outputs]
-    told = [d for d in drawn if np.all(np.isfinite(d))]
-    more = np.mean(told, axis=0) - squares(device) if told else np.zeros(len(names))
-    return dict(zip(names, np.sqrt(np.maximum(more, 0.0)).tolist(), strict=True))
+        with suppress(NoObserver):
+            found = squares(each)
+            told += [found] if np.all(np.isfinite(found)) else []
+        if not told:
+            continue
+        far = float(student.ppf(1.0 - 0.5 * RARE, len(told)))
+        added = np.maximum(np.mean(told, axis=0) - base, 0.0)
+        wide = wider(far * np.sqrt(added))
+        widest = wider(far * np.sqrt(added + np.std(told, axis=0)))
+        if len(told) >= FEWEST and any(o.error > FAR * o.most for o in widest):
+            break
+    return wide
 
 
 def _joined(parts: Sequence[Windows], name: str) -> Windows:
@@ -398,49 +525,132 @@ def _output(device: Device, band: Band, own: OutputBand, found: Windows, name: s
     return Output(own.name, unit, error, most(band, own, found), own.error, motion)
 
 
-def _changes(
-    device: Device, outside: Sequence[_Taken], own: Simulate
-) -> tuple[tuple[Changed, ...], bool]:
-    """The fewest changes that alone bring it within the band, and whether there are such."""
-    band = device.band
+class _Named(NamedTuple):
+    """What changed; the recordings that this leaves, of which some were not fitted alone."""
+
+    changed: tuple[Changed, ...] = ()
+    unexplained: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()
+
+
+def _named(outside: Sequence[_Taken], own: _Runs, say: Callable[[str], None]) -> _Named:
+    """What changed in all recordings outside alike or, if nothing did, in each by itself."""
+    say("refitting the parameters, to find which of them changed")
+    changed = _changes(outside, own, FITTED)
+    if changed or len(outside) == 1:
+        return _Named(changed)
+    unexplained: list[str] = []
+    alone = outside[:ALONE]
+    for one in alone:
+        say(f"refitting the parameters to {one.name} alone")
+        found = _changes([one], own, FITTED // len(alone))
+        changed += tuple(replace(c, recording=one.name) for c in found)
+        unexplained += [] if found else [one.name]
+    if not changed:
+        return _Named()
+    return _Named(changed, tuple(unexplained), tuple(one.name for one in outside[ALONE:]))
+
+
+def _changes(outside: Sequence[_Taken], own: _Runs, fitted: int) -> tuple[Changed, ...]:
+    """The fewest changes that alone bring recordings within the band; none if there are no such.
+
+    fitted: ticks times parameters of the fit.
+    """
+    band = own.device.band
     assert band is not None
+    model, name = _model(own.device), outside[0].name
     every = [e for one in outside for e in one.stretches]
-    fit_on = [_coarse(_short(e, max(1000, FITTED // len(every))), band) for e in every]
-    structure = known_structure(device.with_interface(delay=0.0))
-    late, period = device.interface.delay, device.interface.period
-    model = Model(
-        structure.device,
-        (*structure.effects, make_physics(DELAY, "clock", delay=late)),
-        (*structure.scales, {"delay": period}),
-        bounds=(*structure.bounds, {}),
-    )
+    parts = _parts(every, own, band, fitted // len(model.parameters))
+    fit_on = [_coarse(part, band) for _, part in parts]
     try:
         h = settled(judged(fit_on, model, model.within(first_x(model, fit_on))))
     except NoObserver:
-        return (), False
+        return ()
     if not any(p.name == f"{DELAY}@clock.delay" for p in h.model.parameters):
-        return (), False
+        return ()
     nominal = _nominal(h, model)
-    name = outside[0].name
-    before = _joined([own(e, band) for e in every], name).rms
+
+    def off(x: Floats, some: Sequence[Experiment], before: Sequence[Windows]) -> float:
+        """The largest error of free runs of the fit over what explains them."""
+        try:
+            runs = [windows_of(h.model, x, [e], band.ratio, band.window) for e in some]
+        except NoObserver:
+            return math.inf
+        return _excess(band, _joined(runs, name), _joined(before, name).rms)
+
+    on_all = every, [own(e, band) for e in every]
+    on_parts = [e for _, e in parts], [own.near(own.device, *both, band) for both in parts]
+    parted = len(parts) < len(every) or any(part is not e for e, part in parts)
     told: list[_Way] = []
-    while len(told) < MOST and (ways := _next(h, nominal, told)):
+    most_ways = MOST if off(h.x, *on_parts) < HOPELESS else 1
+    while len(told) < most_ways and (ways := _next(h, nominal, told)):
         tried: list[tuple[float, list[_Way], Floats, float]] = []
         for way in ways:
             x, cost = _fitted(h, nominal, [*told, way])
-            try:
-                runs = [windows_of(h.model, x, [e], band.ratio, band.window) for e in every]
-            except NoObserver:
-                continue
-            tried.append((cost, [*told, way], x, _excess(band, _joined(runs, name), before)))
-            if tried[-1][-1] <= 1.0:
+            excess = off(x, *on_parts)
+            if parted and excess < HOPELESS:  # the whole decides
+                excess = off(x, *on_all)
+            tried.append((cost, [*told, way], x, excess))
+            if excess <= 1.0:
                 break
-        if not tried:
-            break
         _, told, x, excess = min(tried, key=lambda one: (one[-1] > 1.0, one[0]))
         if excess <= 1.0:
-            return tuple(_changed(h, way, x, nominal) for way in told), True
-    return (), False
+            return tuple(_changed(h, way, x, nominal) for way in told)
+    return ()
+
+
+def _model(device: Device) -> Model:
+    """The device with all its parameters free, and its delay.
+
+    One unit of x is a share of a value, which says nothing of an angle or an offset near zero: a
+    fit with such a unit does not end.
+    """
+    structure = known_structure(device.with_interface(delay=0.0))
+    late, period = device.interface.delay, device.interface.period
+    known = device.posterior
+    sd = {} if known is None else dict(zip(known.names, known.sd, strict=True))
+    each = zip(structure.effects, structure.labels, structure.scales, strict=True)
+    scales = [
+        {
+            key: max(scale, TURN * (key in p.effect.turning), WIDE * sd.get(f"{label}.{key}", 0.0))
+            for key, scale in own.items()
+        }
+        for p, label, own in each
+    ]
+    return Model(
+        structure.device,
+        (*structure.effects, make_physics(DELAY, "clock", delay=late)),
+        (*scales, {"delay": period}),
+        bounds=(*structure.bounds, {}),
+    )
+
+
+def _parts(
+    every: Sequence[Experiment], own: _Runs, band: Band, ticks: int
+) -> list[tuple[Experiment, Experiment]]:
+    """Recordings, each with the part to fit, of so many ticks together.
+
+    Of too many for that it is those with the largest errors.
+    """
+    most = sorted(every, key=lambda e: -_size(own(e, band), band))[: max(1, ticks // LEAST)]
+    return [(e, _begun(e, max(LEAST, ticks // len(most)))) for e in most]
+
+
+def _size(runs: Windows, band: Band) -> float:
+    """The largest rms error of free runs over the noise of its output."""
+    noise = {o.name: max(o.noise, np.finfo(np.float64).tiny) for o in band.outputs}
+    sizes = zip(runs.names, runs.rms.tolist(), strict=True)
+    return max((rms / noise[name] for name, rms in sizes if name in noise), default=0.0)
+
+
+def _begun(e: Experiment, ticks: int) -> Experiment:
+    """The part of a recording, of so many ticks, from where its motion begins."""
+    if ticks >= e.ticks:
+        return e
+    away = np.nan_to_num(np.abs(e.measured - e.measured[0]))
+    onset = int(np.argmax(np.any(away > ONSET * away.max(axis=0), axis=1)))
+    begin = min(max(0, onset - 2 * SETTLING), e.ticks - ticks)
+    return e.part(begin, begin + ticks)
 
 
 def _coarse(e: Experiment, band: Band) -> Experiment:

@@ -12,8 +12,9 @@ class Status(IntEnum):
     """Exit statuses of every command."""
 
     DONE = 0
-    FAILED = 1  # the machine, or this program
+    FAILED = 1  # the machine, or this program; of `check` an answer, that a recording is outside
     BAD_INPUT = 2  # what was asked for; the sentence says what to change
+    BROKEN = 3  # of `check` alone, what is FAILED elsewhere
     INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
     TERMINATED = 143  # 128 + SIGTERM, as a batch system sends it at the end of its time
 
@@ -26,11 +27,17 @@ PATH_ERRORS = frozenset(
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
+class CheckFailed(Exception):
+    """`zwidth check` found no answer, for no fault of its input; the message says why."""
+
+
 def explain(error: BaseException) -> tuple[Status, str]:
     """Return the exit status and one line for any exception that a command lets through."""
     match error:
         case KeyboardInterrupt() | click.Abort():
             return Status.INTERRUPTED, "interrupted; results finished before, if any, are kept"
+        case CheckFailed():
+            return Status.BROKEN, one_line(str(error))
         case click.UsageError():
             return Status.BAD_INPUT, _usage(error)
         case click.ClickException():

@@ -39,6 +39,7 @@ from typing import Any, Literal
 import numba
 import numpy as np
 
+from zwidth.files.formulas import MOST_POWER, refuse_endless
 from zwidth.sim import elementary
 from zwidth.sim.jit import INLINED
 from zwidth.sim.lane_type import greatest, least, root, select
@@ -62,7 +63,6 @@ ROLES = ("magnitude", "strength", "turning", "shape")
 IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*$")
 WIDEST = 1e9
 SHARES = (0.004, 0.06)  # of what a recording moves by: magnitudes that a fit begins from
-MOST_POWER = 8  # of a whole exponent that is multiplied out
 STRAIGHT = 1e-9  # relative error of a law that is a straight line over a magnitude
 UNREADABLE = "cannot be read; correct the path or take it out of the environment variable"
 
@@ -139,9 +139,12 @@ def translated(formula: str, states: Sequence[str], parameters: Sequence[str]) -
     known = {name: f"p[{i}]" for i, name in enumerate(parameters)}
     known |= {name: name for name in states} | {"pi": repr(math.pi)}
     try:
+        refuse_endless(formula)
         tree = ast.parse(formula.strip(), mode="eval")
     except SyntaxError as error:
-        raise TableError(f"formula {formula!r} is not an expression: {error.msg}") from None
+        raise TableError(f"formula {formula[:40]!r} is not an expression: {error.msg}") from None
+    except ValueError as error:
+        raise TableError(str(error)) from None
 
     def written(node: ast.expr) -> str:
         match node:
@@ -207,7 +210,7 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
     """Return an effect that a file declares, and its law as source. Raises TableError."""
     try:
         table = Table(tomllib.loads(text.decode("utf-8")), "")
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise TableError(f"is not TOML: {error}") from None
     table.only(KEYS)
     name, enters = table.text("name"), table.text("enters") if "enters" in table else "force"

@@ -41,9 +41,9 @@ def check(
         raise ValueError(
             "model is given without joint; give the name of the joint that the device describes"
         )
-    from zwidth.model_runs import ModelRuns, named_simulator
+    from zwidth.model_runs import ModelRuns, simulator_here
 
     path = Path(model)
-    runs, named = ModelRuns(known, path, joint), named_simulator(path)
+    runs, named = ModelRuns(known, path, joint), f"{path.name} in {simulator_here()}"
     with telling(None, "checking the model") as tell:
         return checking.check(known, each, runs, named, say=tell)

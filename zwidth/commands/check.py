@@ -1,12 +1,18 @@
 """`zwidth check`: whether a device file still describes the machine of its recordings."""
 
+import os
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import click
 
-from zwidth.errors import Status
+from zwidth.errors import CheckFailed, Status, explain
+from zwidth.files.protection import Protected, reading, writer
 from zwidth.options import force_option, json_option, out_option, typed_line
 
 if TYPE_CHECKING:
@@ -15,7 +21,30 @@ if TYPE_CHECKING:
     from zwidth.sim.device import Device
 
 
-@click.command("check")
+ANSWERED = "zwidth.check.answered"  # in the context, once the result is written
+
+
+class Checking(click.Command):
+    """A command whose status 1 is an answer: no error ends with it, and all stand in its files."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; raise CheckFailed for an error that would have status 1."""
+        try:
+            status = super().invoke(ctx)
+            sys.stdout.flush()
+        except (Exception, KeyboardInterrupt) as error:
+            status, sentence = explain(error)
+            broken = status == Status.FAILED
+            if not (ctx.meta.get(ANSWERED) or isinstance(error, Protected)):
+                with suppress(Exception):  # it may have no memory, either
+                    _write_error(ctx.params, Status.BROKEN if broken else status, sentence)
+            if broken and not _debugging():
+                raise CheckFailed(sentence) from error
+            raise
+        return status
+
+
+@click.command("check", cls=Checking)
 @click.argument("device", metavar="DEVICE")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True,
                 type=click.Path(path_type=Path))  # fmt: skip
@@ -54,8 +83,9 @@ def command(
     errors that free runs may have. LOG is any recording that 'zwidth diagnose' can read.
 
     Exit status: 0 if the errors of all LOGs are within the band, 1 if a LOG is outside, 2 for bad
-    input. If a LOG is outside, the parameters of DEVICE are refitted, and one sentence says which
-    changed. With --diagnose, missing physics is searched for, too; the results go to --out.
+    input, 3 if the check itself failed, such as for a full disk. If a LOG is outside, the
+    parameters of DEVICE are refitted, and one sentence says which changed. With --diagnose, missing
+    physics is searched for, too; the results go to --out.
     """
     from zwidth.checking import check, rebased
     from zwidth.console import Console
@@ -72,9 +102,9 @@ def command(
     known = load_device(device)
     simulate, simulator = None, ""
     if model is not None and joint is not None:
-        from zwidth.model_runs import ModelRuns, named_simulator
+        from zwidth.model_runs import ModelRuns, simulator_here
 
-        simulate, simulator = ModelRuns(known, model, joint), named_simulator(model)
+        simulate, simulator = ModelRuns(known, model, joint), simulator_here()
     HEART.begins("reading the recordings")
     recordings: list[tuple[str, list[Experiment]]] = []
     for log in logs:
@@ -86,8 +116,9 @@ def command(
     console.will_write(*(file for file in (junit, rebase) if file is not None))
     HEART.begins("checking")
     if rebase is not None:
-        return _rebased(console, rebased(known, recordings, simulate), rebase)
-    found = check(known, recordings, simulate, simulator, HEART.begins)
+        return _rebased(console, rebased(known, recordings, simulate, simulator), rebase)
+    name = f"{model.name} in {simulator}" if model is not None else ""
+    found = check(known, recordings, simulate, name, HEART.begins)
     for one in found.recordings:
         console.say(f"{one.name}: {one.sentence}")
         for remark in one.remarks:
@@ -98,6 +129,7 @@ def command(
 
         console.say(f"wrote {write_text(junit, junit_text(found))}")
     console.result(found.as_json())
+    click.get_current_context().meta[ANSWERED] = True
     if found.within:
         return Status.DONE
     if search:
@@ -107,8 +139,39 @@ def command(
             log for log, one in zip(logs, found.recordings, strict=True) if not one.within
         )
         line = typed_line(click.get_current_context())
-        diagnose_files(Console(None), outside, device, (), "normal", None, out, line)
+        try:
+            diagnose_files(Console(None), outside, device, (), "normal", None, out, line)
+        except Exception as error:  # the check has its answer
+            if _debugging():
+                raise
+            console.warn(f"the search for other physics failed: {explain(error)[1]}")
     return Status.FAILED
+
+
+def _debugging() -> bool:
+    return os.environ.get("ZWIDTH_DEBUG") == "1"
+
+
+def _write_error(given: Mapping[str, Any], status: Status, sentence: str) -> None:
+    """Write why there is no answer to the files that were asked for, where that harms none."""
+    from zwidth.console import Console
+    from zwidth.files.whole import json_text, write_text
+
+    logs: tuple[Path, ...] = given.get("logs") or ()
+    for path in (given.get("device"), given.get("model"), *logs):
+        if path is not None:
+            reading(Path(path))
+    safely = replace(writer(), overwrite=False)  # what a recording describes may not be known yet
+    found = {"error": sentence, "status": int(status)}
+    texts = {given.get("junit"): junit_error(str(given.get("device")), logs, sentence)}
+    if given.get("json_file") == "-":
+        Console("-").result(found)
+    elif given.get("json_file") is not None:
+        texts[Path(given["json_file"])] = json_text(found)
+    for path, text in texts.items():
+        if path is not None and safely.objection(path) is None:
+            with suppress(OSError):  # a full disk may be the very error
+                write_text(path, text)
 
 
 def _rebased(console: "Console", device: "Device", file: Path) -> int:
@@ -156,5 +219,21 @@ def junit_text(found: "Check") -> str:
             failure = ElementTree.SubElement(case, "failure", message=found.sentence)
             failure.text = one.sentence
         ElementTree.SubElement(case, "system-out").text = "\n".join([one.sentence, *one.remarks])
+    return _xml(suite)
+
+
+def junit_error(device: str, logs: tuple[Path, ...], sentence: str) -> str:
+    """Return JUnit XML of a check without an answer: a suite whose one case is an error."""
+    suite = ElementTree.Element(
+        "testsuite", name=f"zwidth check {device}", tests="1", failures="0", errors="1",
+        skipped="0",
+    )  # fmt: skip
+    name = ", ".join(log.name for log in logs)
+    case = ElementTree.SubElement(suite, "testcase", classname=device, name=name)
+    ElementTree.SubElement(case, "error", message=sentence).text = sentence
+    return _xml(suite)
+
+
+def _xml(suite: ElementTree.Element) -> str:
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

@@ -1,19 +1,22 @@
 """What happened once, over time: the force that acted with its 95 % band, and the motion there."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.events import SLIP, STOP, TOUCH, UNEXPLAINED, Event
+from zwidth.diagnosis.answer.events import SLIP, STOP, TOUCH, UNEXPLAINED, Course, Event
 from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE, pushing
 from zwidth.sim.readable import scaled
 
 FORCE, MOTION, WHEN = BEFORE, AFTER, INTERVAL
+STEPS = 400  # of a course, more of which a picture does not show
 
 
 def events_figure(event: Event) -> Figure:
     """Return force (or slip) and motion about an event, over the time of its recording."""
-    own = event.course
+    own = coarse(event.course)
     factor, unit = scaled(float(np.abs(own.force).max()), own.unit)
     far, length = scaled(float(np.abs(own.motion).max()), own.length)
     pushed = pushing("N m" in own.unit)[0]
@@ -40,3 +43,17 @@ def events_figure(event: Event) -> Figure:
                       else f"{name}: the error of the reading, and the reading")  # fmt: skip
         figure.legend(loc="outside lower center", ncols=4)
     return figure
+
+
+def coarse(course: Course) -> Course:
+    """Return a course of at most `STEPS` steps: the largest force in each, and all of its band."""
+    size = course.times.size
+    first = np.arange(0, size, -(-size // STEPS))
+    ends = np.append(first[1:], size).tolist()
+    steps = zip(first.tolist(), ends, strict=True)
+    largest = [begin + int(np.abs(course.force[begin:end]).argmax()) for begin, end in steps]
+    return replace(
+        course, times=course.times[first], force=course.force[largest],
+        lower=np.fmin.reduceat(course.lower, first), upper=np.fmax.reduceat(course.upper, first),
+        motion=course.motion[first],
+    )  # fmt: skip
