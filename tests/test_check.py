@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,7 +18,7 @@ from sampled import Sampled
 import zwidth
 from zwidth import cli
 from zwidth.checking import Changed, Check, Output, Recording, _excess, check
-from zwidth.diagnosis.answer.band import Windows, with_band
+from zwidth.diagnosis.answer.band import Windows, windows_of, with_band
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.errors import Status
 from zwidth.sim.account import BOOK
@@ -186,12 +187,21 @@ def test_an_angle_near_zero_does_not_slow_a_fit():
     assert changed.now / changed.was == pytest.approx(1.12, rel=1e-4)
 
 
-def test_what_a_check_simulates_does_not_grow_with_the_recordings():
+def test_what_a_check_simulates_does_not_grow_with_the_recordings(
+    monkeypatch: pytest.MonkeyPatch,
+):
     """Beside the free runs over all of each: a check is to end in ten seconds.
 
-    Mutations: the ticks of a fit not shared by recordings; the draws over whole recordings; a
-    recording within the band searched for wrong signs.
+    Mutations: a fit to all ticks; as many draws where the error is far larger than what they imply;
+    a recording within the band searched for wrong signs.
     """
+    free: list[int] = []
+
+    def counting(*asked: Any) -> Windows:
+        free.append(sum(e.ticks for e in asked[2]))
+        return windows_of(*asked)
+
+    monkeypatch.setattr("zwidth.checking.windows_of", counting)
 
     def long(of: Callable[[zwidth.Device], zwidth.Device], seed: int) -> list[Experiment]:
         return stretches(recorded(of(bench()), seed, s=3.0 * SECONDS), bench(), "later")
@@ -200,9 +210,12 @@ def test_what_a_check_simulates_does_not_grow_with_the_recordings():
     within, once = counted(device, long(lambda d: d, 60))
     assert within.within
     assert once < 6 * ticks
+    assert sum(free) == ticks
+    free.clear()
     one, most = counted(device, long(rubs, 61))
     assert [c.sentence for c in one.changed] == ["Stribeck friction +12 %"]
     assert most < 5_000_000
+    assert sum(free) < 8 * ticks
     two, both = counted(device, long(rubs, 61), long(late, 63))
     assert [c.sentence for c in two.changed] == ["Stribeck friction +12 %", "delay +1 ms"]
     assert both < 9_000_000
