@@ -338,6 +338,10 @@ class Events:
     longest_share: float = 0.2
     """The same as a share of the recording. Convention."""
 
+    opposed: float = 1.0 / 3.0
+    """Share of the larger impulse from which one against it means that a short force pushes both
+    ways. Convention: what a fit adds beside a hit is less. No hit of 15 simulated ones had it."""
+
     apart_s: float = 0.4
     """[s] Distance between two pulses from which they are two events, if neither lasts as long.
     Convention."""

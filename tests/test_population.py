@@ -195,7 +195,7 @@ def test_free_runs_of_one_call_are_those_of_many(gains: str) -> None:
     observer: np.ndarray | Gains = gain([device])
     if gains == "changing":
         columns = 2 * (np.arange(TICKS) // 100 % 2)
-        observer = Gains(np.hstack([observer, 0.5 * observer]), columns)
+        observer = Gains(np.hstack(2 * [observer, 0.5 * observer]), columns)  # as many at play
     strengths, none = np.ones(TICKS), np.zeros((0, eq.dof))
     strengths[300:340] = 0.0
     runs = np.array([[0, 50], [100, 50], [100, 300], [350, 350]])

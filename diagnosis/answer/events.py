@@ -29,7 +29,7 @@ from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.settings import VERDICT
+from zwidth.diagnosis.settings import EVENTS, VERDICT
 from zwidth.shown import Valued
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
@@ -40,7 +40,6 @@ STILL = 0.1  # of the usual speed (at a stop: of the speed before it), below whi
 AT_AN_END = 0.03  # of the travel: how far from its end a stop may be
 MEAN_S = 0.02  # the largest force, and the speed beside it, are means over this time
 PICTURE_S = 0.3  # about an event, in a picture
-OPPOSED = 1.0 / 3.0  # of the larger impulse, by the one against it, if a force pushes both ways
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
 UNEXPLAINED = "unexplained"
 CONTACTS = HIT, TOUCH, PUSH, UNEXPLAINED  # by somebody who knows of it, or by missing physics
@@ -340,7 +339,7 @@ def _opposes(f: Floats, c: Floats) -> bool:
         if size <= VERDICT.apart * error:
             return False
         each.append(float(size))
-    return min(each) > OPPOSED * max(each)
+    return min(each) > EVENTS.opposed * max(each)
 
 
 def _kind(
