@@ -31,6 +31,10 @@ class Evidence:
     """In -2 ln: an alternative that costs at most this much more explains equally well, such as
     another place of an event or another course of a change. Convention: odds of 150 to 1."""
 
+    levels_differ: float = 0.1
+    """Share of the command's largest level by which levels differ at least, if a change may go with
+    them. Convention: commands drawn twice from one distribution differ by less."""
+
     once: float = 0.05
     """Probability of an event in a recording, and of a change of a parameter. Elicited."""
 

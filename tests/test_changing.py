@@ -29,8 +29,10 @@ from zwidth.diagnosis.learning.changing import (
     RUN,
     SETTLES,
     STEP,
+    WITH_LEVEL,
     course,
     cut,
+    level_of,
     share_at,
     suspected,
     varied,
@@ -176,6 +178,59 @@ def test_what_changes_is_told_from_what_stays(which: str):
             for e in new.hypothesis.experiments]  # fmt: skip
     before, after = ((c.masses if which == "mass" else c.ground_dampers)[0] for c in ends)
     assert after / before == pytest.approx(size, rel=0.01)
+
+
+@njit
+def dragged(command: Floats, drag: float) -> Floats:
+    """Positions (ticks,) of the mass with a drag by the square of its speed [N m s^2/rad^2]."""
+    found = np.zeros(command.size)
+    x, v, h = 0.0, 0.0, T / FINE
+    for k in range(command.size):
+        found[k] = x
+        for _ in range(FINE):
+            w = v + h * (command[k] - 2e-3 * v - drag * v * abs(v)) / 1e-3
+            stops = h * 0.02 / 1e-3
+            w = w - stops if w > stops else (w + stops if w < -stops else 0.0)
+            x += 0.5 * h * (v + w)
+            v = w
+    return found
+
+
+def louder(seed: int, law: bool) -> Experiment:
+    """A command 1.6 times as large from 4 s on, on a drag, or on a damper that rises then."""
+    e = recording(12.0, seed, {})
+    command = e.command * at_time(12.0, 1.6, 4.0)
+    own = 1e-3, 2e-3 * at_time(12.0, 1.5, 4.0), 0.02
+    numbers = [value * np.ones(e.ticks) for value in own]
+    y = dragged(command, 1e-4) if law else moved(command, *numbers)
+    noise = 2e-4 * np.random.default_rng(1).standard_normal(e.ticks)
+    return replace(e, command=command, measured=(y + noise)[:, None])
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+@pytest.mark.parametrize("law", [True, False])
+def test_a_change_that_goes_with_the_level_of_the_command_is_marked(seed: int, law: bool):
+    """A drag by the square of the speed is a damper that rises where the command does.
+
+    A damper that rises by itself is not marked, though the command rises at the same time: its
+    level also varies before and after. Mutations that break it: the level of the whole recording;
+    the mean for the rms; every change marked.
+    """
+    suspect = suspected(fitted(louder(seed, law)))
+    assert suspect is not None
+    assert suspect.of == "b1"
+    assert (WITH_LEVEL in suspect.as_well) == law
+
+
+@pytest.mark.parametrize("louder_by", [1.05, 1.2])
+def test_levels_that_hardly_differ_explain_no_change(louder_by: float):
+    """Constant commands of nearly one level: any step between them would go with their level."""
+    e = recording(12.0, 6, {})
+    held = replace(e, command=np.where(np.arange(e.ticks) < 900, -1.0, -louder_by))
+    level = level_of([held])
+    assert (level is None) == (louder_by < 1.1)
+    if level is not None:
+        assert level[[0, -1]] == pytest.approx([1.0 / louder_by, 1.0])
 
 
 @pytest.mark.parametrize("shape", [DRIFT, SETTLES])
@@ -464,6 +519,9 @@ def test_shares_of_a_parameter_that_a_model_lacks_change_nothing():
     assert model.there(x, e) is x
     friction = make_physics("coulomb_friction", "m1", level=0.02)
     more = model.with_effect(friction, {"level": 0.02})
+    # An effect that is tried again is constant, and x has no place for its earlier change.
+    assert [p.kind for p in more.parameters][-1] == "effect"
+    more = replace(more, varying=model.varying)
     less, kept = more.less(np.arange(6.0), 0)
     assert [p.kind for p in more.parameters][-2:] == ["effect", "change"]
     assert kept.tolist() == [0.0, 1.0, 2.0, 3.0]

@@ -297,6 +297,7 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.RIVALS: answer(rival),
         Reason.IMPROBABLE: answer(replace(FRICTION, with_richer=0.94)),
         Reason.DOUBTED: answer(FRICTION, left=Left(0.0, "", hint="it may be another"), refit=moved),
+        Reason.WITH_LEVEL: answer(FRICTION, with_level=True, contacts=2),
         Reason.TOUCHED: answer(FRICTION, contacts=2),
         Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved, contacts=1),
         Reason.LAW: answer(free=stray, law=law),
@@ -307,6 +308,8 @@ def test_a_reason_decides_and_the_first_counts():
     assert list(every) == list(Reason)
     assert [reason(facts) for facts in every.values()] == list(Reason)
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
+    assert every[Reason.WITH_LEVEL].verdict is Verdict.CONFUSABLE
+    assert "law over speed or force" in why(every[Reason.WITH_LEVEL])
     assert every[Reason.TOUCHED].verdict is Verdict.CONFUSABLE
     assert headline(every[Reason.TOUCHED]).endswith(
         " is missing, if the 2 contacts in the recording were real"

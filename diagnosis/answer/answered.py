@@ -25,6 +25,7 @@ from zwidth.diagnosis.answer.whole_run import whole_runs
 from zwidth.diagnosis.answer.words import IF_RIGHT, cautions, headline, where, why
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.changing import WITH_LEVEL
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.diagnosis.settings import VERDICT
@@ -78,6 +79,7 @@ def answered(
         findings, refit, stands.left, stands.other, stands.sound, free, bad, level,
         lost=" and ".join(lost), faults=stands.faults, masses=device.chain.masses.size,
         contacts=sum(event.kind in CONTACTS for event in events),
+        with_level=any(WITH_LEVEL in change.as_well for change in changes),
     )  # fmt: skip
     with stage("an unnamed law"):
         law, instead, halted = _law(device, stands, facts, say)

@@ -41,6 +41,10 @@ class Reason(Enum):
     RIVALS = "other effects explain the recording equally well"
     IMPROBABLE = "a named effect is not probable enough"
     DOUBTED = "a law outside the library is likelier than a named effect, by less than five sigma"
+    WITH_LEVEL = (
+        "a parameter that changes with the level of the command, which a law outside the library"
+        " may have caused"
+    )
     TOUCHED = "more than one contact was set apart, which a law outside the library may have caused"
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains the recording"
@@ -62,6 +66,7 @@ VERDICTS = {
     Reason.RIVALS: Verdict.CONFUSABLE,
     Reason.IMPROBABLE: Verdict.CONFUSABLE,
     Reason.DOUBTED: Verdict.CONFUSABLE,
+    Reason.WITH_LEVEL: Verdict.CONFUSABLE,
     Reason.TOUCHED: Verdict.CONFUSABLE,
     Reason.NAMED: Verdict.IDENTIFIED,
     Reason.LINEAR: Verdict.LINEAR_PARAMETERS,
@@ -72,6 +77,7 @@ NAMES_STAND = (
     Reason.RIVALS,
     Reason.IMPROBABLE,
     Reason.DOUBTED,
+    Reason.WITH_LEVEL,
     Reason.TOUCHED,
     Reason.NAMED,
 )
@@ -106,7 +112,7 @@ class Facts:
     the fit is not acceptable, "" if it is; level: another level to record; law: a learned law,
     instead: whether it explains more than the named effects; lost: results that an error prevented,
     "" for none; masses: number in the device's chain; contacts: number of forces from outside that
-    acted once.
+    acted once; with_level: whether a parameter changes with the level of the command.
     """
 
     findings: Sequence[Finding]
@@ -123,6 +129,7 @@ class Facts:
     faults: Sequence[Fault] = ()
     masses: int = 1
     contacts: int = 0
+    with_level: bool = False
 
     @property
     def verdict(self) -> Verdict:
@@ -204,4 +211,6 @@ def _of_names(f: Facts) -> Reason:
         return Reason.IMPROBABLE
     if f.left.hint:
         return Reason.DOUBTED
+    if f.with_level:
+        return Reason.WITH_LEVEL
     return Reason.TOUCHED if f.contacts > 1 else Reason.NAMED

@@ -319,6 +319,8 @@ def _headline(f: Facts, because: Reason, sized: int) -> str:
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.DOUBTED:
             return f"{names} {is_} missing, but {f.left.hint.partition(':')[0]}"
+        case Reason.WITH_LEVEL:
+            return f"{names} {is_} missing, or a law outside the library of effects"
         case Reason.TOUCHED:
             return f"{names} {is_} missing, if the {f.contacts} contacts in the recording were real"
         case Reason.LOST:
@@ -510,6 +512,12 @@ def why(f: Facts) -> str:
             )
         case Reason.DOUBTED:
             told = f"{f.left.hint}; five sigma are required to prefer it"
+        case Reason.WITH_LEVEL:
+            told = (
+                "a parameter changes where the level of the command does, so a law over speed or"
+                " force that is not in the library explains as much; a recording in which the level"
+                " returns to its first value tells them apart"
+            )
         case Reason.TOUCHED:
             told = (
                 f"{f.contacts} forces that acted once were set apart; unless somebody touched the"

@@ -26,7 +26,8 @@ One parameter changes at a time (a constant force between two parameters counts 
 `Effect.holds_constant`), and few times in all. A step within `NEAREST` ticks of either end is not
 found, nor are two steps that cancel each other within as many. A missing law over a state that
 differs between parts of a recording (its level, for example) looks like a change; held-out data
-decide (`answer.changes`).
+decide (`answer.changes`). A change that goes with the level of the command, its rms nearby, is
+marked (`WITH_LEVEL`): nothing then tells it from such a law.
 """
 
 import itertools
@@ -37,6 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.noise.beginning import begun
@@ -65,8 +67,12 @@ ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
 WINDOWS = 24  # each gives a parameter by itself, for the report
 DATES, LOOKS = 150, 3  # ticks tried there, and how often the best may be at the edge
 STEP, DRIFT, SETTLES, RUN = "step", "drift", "settling", "run"
-FOLLOWS, EACH = "follows", "each recording"
+FOLLOWS, EACH, LEVEL = "follows", "each recording", "level"
 SHAPES = (STEP, DRIFT, SETTLES, RUN, FOLLOWS, EACH)
+WITH_LEVEL = "a dependence on the level of the command"
+IN_WORDS = {
+    STEP: "a step", DRIFT: "a drift over time", SETTLES: "settling", LEVEL: WITH_LEVEL,
+}  # fmt: skip
 CUT = (
     STEP,
     RUN,
@@ -166,7 +172,7 @@ def suspected(h: Hypothesis) -> Suspect | None:
         return None
     alike = [
         s
-        for s in found
+        for s in (*found, *_best_of(h, sums, LEVEL))
         if (s.of, s.against) == (best.of, best.against)
         and s is not best
         and s.worth > best.worth - EVIDENCE.as_well
@@ -180,7 +186,7 @@ def suspected(h: Hypothesis) -> Suspect | None:
 def _course_in_words(s: Suspect) -> str:
     if s.covariate is not None:
         return f"a dependence on {s.covariate.name}"
-    return {STEP: "a step", DRIFT: "a drift over time", SETTLES: "settling"}.get(s.shape, s.shape)
+    return IN_WORDS.get(s.shape, s.shape)
 
 
 def _sums(h: Hypothesis) -> _Sums:
@@ -230,6 +236,12 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
         own = [np.concatenate([f.share(e) for e in h.experiments])[here] for f in followed]
         shares = np.array(own).reshape(len(followed), at.size)
         times, rates = np.zeros(len(followed)), np.zeros(len(followed))
+    elif shape == LEVEL:
+        level = level_of(h.experiments)
+        if level is None:
+            return []
+        shares = level[None, np.minimum(middle.astype(np.int64), int(end) - 1)]
+        times, rates = np.zeros(1), np.zeros(1)
     else:
         rates = end * RATES
         shares, times = np.exp(-middle[None, :] / rates[:, None]), np.zeros(rates.size)
@@ -282,6 +294,20 @@ def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
         if len(own) == len(experiments) and span > 0.0:
             found.append(Followed(c.name, c.unit, float(c.values[-last:].mean()), span))
     return found
+
+
+def level_of(experiments: Sequence[Experiment]) -> Floats | None:
+    """Return the level of the command (ticks,): its rms about each sample, over its largest.
+
+    None if levels differ too little to explain a change.
+    """
+    each = [
+        np.sqrt(uniform_filter1d(e.command[: e.ticks] ** 2, min(NEAREST, e.ticks), mode="nearest"))
+        for e in experiments
+    ]
+    level = np.concatenate(each)
+    most = float(level.max())
+    return level / most if np.ptp(level) > EVIDENCE.levels_differ * most else None
 
 
 def groups(experiments: Sequence[Experiment]) -> list[list[int]]:

@@ -587,10 +587,12 @@ class Model:
     def with_effect(
         self, physics: Physics, scales: Mapping[str, float], bounds: Bounds | None = None
     ) -> "Model":
-        """Return the model with one more effect."""
+        """Return the model with one more effect, which is constant: no change of it was found."""
         before = self.bounds or ({},) * len(self.effects)
+        known = {p.name for p in self.parameters}
         return replace(
             self,
+            varying=tuple(v for v in self.varying if v.declared or v.of in known),
             effects=(*self.effects, physics),
             scales=(*self.scales, scales),
             bounds=(*before, bounds or {}),
