@@ -1,6 +1,8 @@
 """Every effect by its declaration: names, places, parameters, neutral values, device files."""
 
+import copy
 import itertools
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -213,3 +215,21 @@ def test_a_run_takes_the_substeps_that_friction_needs_and_no_more() -> None:
     assert (enough_substeps(device), enough_substeps(dry), enough_substeps(dry, 20)) == (1, 12, 20)
     assert (usual_substeps(device), usual_substeps(dry)) == (1, 12)
     simulate(dry, wall(1.0, 0.0), duration=0.01, substeps=usual_substeps(dry))
+
+
+@pytest.mark.parametrize("name", [*EFFECTS, *PROBES])
+def test_a_law_that_was_read_back_from_a_file_is_the_same_law(name: str):
+    """Laws are compared by identity: a diagnosis with play, read back, could not be judged again.
+
+    Mutation that breaks it: effects pickled by their fields.
+    """
+    effect = EFFECTS.get(name) or PROBES[name]
+    assert pickle.loads(pickle.dumps(effect)) is effect
+    assert copy.deepcopy(effect) is effect
+
+
+def test_a_law_that_nothing_declares_is_read_back_too():
+    made = replace(EFFECTS["quadratic_drag"], name="made_in_a_program")
+    again = pickle.loads(pickle.dumps(made))
+    assert again == made
+    assert again is not made

@@ -115,6 +115,31 @@ def test_in_lanes_it_is_that_of_a_device_alone() -> None:
         assert np.array_equal(own, single)
 
 
+@pytest.mark.parametrize("delay", [0.0, 3e-3])
+@pytest.mark.parametrize("output", [POSITION, SPEED])
+def test_the_rest_of_a_recording_is_read_as_in_the_whole(output: Output, delay: float) -> None:
+    """A command that lasts over the cut changes nothing there, also where the first part is gone.
+
+    Mutations that break it: the change of the first command from 0, which was a kick in the first
+    reading of each part (a damper whose motion is prescribed had it 200 times its noise); the delay
+    line filled with zeros.
+    """
+    device = replace(ONE, interface=replace(ONE.interface, delay=delay))
+    e = read_late(ONE, 4e-4, (output,), seconds=0.3)
+    e = replace(e, command=e.command + 1.0)
+    model, x = at(device, 4e-4)
+    whole = model.seen(e, x).measured
+    first, rest = e.split(0.5)
+    late = model.seen(rest, x).measured
+    assert np.array_equal(late, whole[first.ticks :])
+    alone_there = model.seen(replace(rest, before=None), x).measured
+    fresh = 1 + round(delay / T)  # what arrived before is not known
+    assert np.array_equal(alone_there[fresh:], late[fresh:])
+    assert alone_there[:fresh] == pytest.approx(rest.measured[:fresh], abs=1e-12)
+    unread = model.seen(e, np.zeros(x.size)).measured
+    assert np.abs(whole - unread).max() > 0.0
+
+
 def test_an_observer_knows_how_late_it_reads() -> None:
     """A position and some speed, also against the other end of a link. Mutation: no speed."""
     outputs = (Output("position", 0), Output("position", 1, 0), Output("velocity", 0))

@@ -576,8 +576,17 @@ class Model:
         )  # fmt: skip
 
     def arriving_change(self, plain: Experiment) -> Floats:
-        """Return the change of the command that begins to act at each reading (ticks,)."""
-        return np.diff(arriving(plain.on(self.nominal), plain.command), prepend=0.0)
+        """Return the change of the command that begins to act at each reading (ticks,).
+
+        It goes on from the part before. Where there is none, the first command is taken as old: a
+        part may begin in the middle of a motion, and a change from 0 would be a kick in its first
+        reading.
+        """
+        parts = [plain]
+        while (before := parts[0].before) is not None:
+            parts.insert(0, before)
+        arrived = arriving(plain.on(self.nominal), np.concatenate([e.command for e in parts]))
+        return np.diff(arrived, prepend=arrived[0])[-plain.ticks :]
 
     def _command_steps(self) -> list[float]:
         known = [self.nominal.interface.command_step]
@@ -637,9 +646,9 @@ def is_read(parameter: Parameter, experiments: Sequence[Experiment]) -> bool:
 
 
 def arriving(device: Device, command: Floats) -> Floats:
-    """Return the command (ticks,) that begins to act at each reading."""
+    """Return the command (ticks,) that begins to act at each reading; first the first one."""
     whole, _ = device.interface.delay_ticks
-    return np.concatenate([np.zeros(whole), command])[: command.size]
+    return np.concatenate([np.full(whole, command[0]), command])[: command.size]
 
 
 def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:

@@ -1,8 +1,10 @@
 """Every effect by name. An effect is one file here that defines the `Effect` of the file's name."""
 
+import copyreg
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from types import MappingProxyType
+from typing import Any
 
 from zwidth.sim.nearest import nearest
 from zwidth.sim.own_files import FOLDER, VARIABLE
@@ -133,3 +135,18 @@ def make_physics(name: str, at: str, **values: float) -> Physics:
     Raises ValueError (field, value, what is allowed), see `Physics`.
     """
     return Physics(effect_named(name), at, values)
+
+
+def _read_back(effect: Effect) -> tuple[Any, ...]:
+    """How an effect is pickled or copied: by its name, since laws are compared by identity."""
+    name = effect.name
+    if EFFECTS.get(name, PROBES.get(name)) is effect:
+        return _known, (name,)
+    return object.__reduce_ex__(effect, 4)  # it was made in a program and declared nowhere
+
+
+def _known(name: str) -> Effect:
+    return EFFECTS[name] if name in EFFECTS else PROBES[name]
+
+
+copyreg.pickle(Effect, _read_back)
