@@ -158,6 +158,7 @@ def brief(found: Mapping[str, Any]) -> dict[str, Any]:
         "fit": {k: said["fit"][k]["after"] for k in ("one_step", "free_run")},
         "whole_runs": [r["shares"].get("after") for r in said.get("whole_runs", [])],
         "force_errors": [r["shares"].get("after") for r in said.get("force_errors", [])],
+        "errors": [f"{m['stage']} ({m['what']}): {m['error']}" for m in said.get("errors", [])],
         "simulations": said.get("cost", {}).get("simulations"),
         "by": _by_stage(said.get("cost", {}).get("by", ())),
     }
@@ -205,7 +206,8 @@ def line_of(name: str, row: Mapping[str, Any]) -> str:
     said += ", ".join(row["names"])
     said += f" (negligible: {', '.join(row['negligible'])})" if row.get("negligible") else ""
     said += f" | missed {', '.join(missed)}" if missed else ""
-    return said + (f" | claimed {', '.join(row['claims'])}" if row.get("claims") else "")
+    said += f" | claimed {', '.join(row['claims'])}" if row.get("claims") else ""
+    return said + (f" | internal errors: {'; '.join(row['errors'])}" if row.get("errors") else "")
 
 
 def worse(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
@@ -291,6 +293,7 @@ def show(table: Mapping[str, Any]) -> None:
     print(f"effects with intervals that hold the truth: {share(sum(inside), len(inside))}")
     print(f"linear parameters within their intervals: {share(sum(linear), len(linear))}")
     print(f"no answer at the limit: {sum(row['verdict'] == 'none' for row in rows)}")
+    print(f"answers with internal errors: {sum(bool(row.get('errors')) for row in rows)}")
     print(f"CPU s: median {statistics.median(spent):.0f}, longest {max(spent):.0f}")
 
 

@@ -34,6 +34,7 @@ COLUMNS = 800  # of a picture, in each of which a line is its lowest and its hig
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
 EDGE = 0.12  # of the width of a panel beside another, where no label of time stands
+LETTERS = 18  # of all labels of time of such a panel; more would touch
 WIDE = 20.0  # from the smallest to the largest residual, from which their axis is logarithmic
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
 # run -> label, colour, dashes
@@ -270,8 +271,13 @@ def _ticks_inside(axes: Axes) -> None:
     """Keep labels of time off the edges, where those of two panels side by side would meet."""
     low, high = axes.get_xlim()
     room = EDGE * (high - low)
-    at = MaxNLocator(nbins=4).tick_values(low, high)
-    axes.set_xticks([t for t in at if low + room <= t <= high - room])
+    for most in (4, 3, 2):
+        at = MaxNLocator(nbins=most).tick_values(low, high)
+        inside = [t for t in at if low + room <= t <= high - room]
+        longest = max((len(f"{t:.6g}") for t in inside), default=0)  # all have its decimals
+        if longest * len(inside) <= LETTERS:
+            break
+    axes.set_xticks(inside)
 
 
 def _close_look(run: WholeRun) -> slice | None:
