@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.mishaps import Say, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -72,6 +73,7 @@ def diagnose_fleet(
     predicts none of them.
     """
     runner = Local() if runner is None else runner
+    compiled()
     kept = Kept(work, device, effort)
     found = _fitted(device, recordings, kept, runner, effort, say, advance)
     names = names_of(found.structure)

@@ -37,6 +37,7 @@ from scipy.stats import t as student
 from zwidth.diagnosis.answer.band import RARE, Windows, most, of_windows, windows_of
 from zwidth.diagnosis.answer.findings import UNITS
 from zwidth.diagnosis.answer.words import effect_in_words, listed, parameter_in_words
+from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.gate import Fault, oddities
@@ -291,6 +292,7 @@ def check(
     """
     if device.band is None:
         raise ValueError(NO_BAND.format(device.name))
+    compiled()
     run = _Runs(device)
     pairs: list[tuple[_Taken, Recording]] = []
     for done, (name, stretches) in enumerate(recordings):

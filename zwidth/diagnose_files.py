@@ -17,6 +17,7 @@ from zwidth.diagnosis.answer.held_out import models_of
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.answer.words import negligible_in_words, own_parameter, worth_in_words
+from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -87,6 +88,7 @@ def diagnose_files(
     every = (*recordings, *validate)
     HEART.begins("reading the recordings")
     read = {path: described(console, path, out, joint, doubts) for path in every}
+    compiled()
     with ExitStack() as scales, collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))

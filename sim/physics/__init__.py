@@ -137,7 +137,7 @@ def make_physics(name: str, at: str, **values: float) -> Physics:
     return Physics(effect_named(name), at, values)
 
 
-def _read_back(effect: Effect) -> tuple[Any, ...]:
+def _read_back(effect: Effect) -> str | tuple[Any, ...]:
     """How an effect is pickled or copied: by its name, since laws are compared by identity."""
     name = effect.name
     if EFFECTS.get(name, PROBES.get(name)) is effect:

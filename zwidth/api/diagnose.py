@@ -17,6 +17,7 @@ from zwidth.api.notebook import Say, telling
 from zwidth.diagnosis import diagnose as pipeline
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
+from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.door import FITTED, fitted
 from zwidth.logs.recording import unscaled
@@ -91,6 +92,7 @@ def diagnose(
             return in_own_units(found)
 
     with telling(say, "diagnosing") as tell:
+        compiled()
         if device is not None:
             return answer(device_of(device), tell)
         found = answer(fitted(traces)[0], tell)
