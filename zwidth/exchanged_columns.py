@@ -16,6 +16,7 @@ import numpy as np
 import tomli_w
 from scipy.signal import savgol_filter
 
+from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import stretches
@@ -68,6 +69,7 @@ def _moves_the_other_way(text: str, source: Source) -> bool:
         return False
     device = _one_mass(trace)
     parts = stretches(trace, device)
+    compiled()  # the first of all simulations, where the file of another tool was read
     longest = max(parts, key=lambda e: e.ticks)
     return any(fault.kind == EXCHANGED for fault in in_place(device, longest)[1])
 
