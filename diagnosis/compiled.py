@@ -2,8 +2,8 @@
 
 A diagnosis follows recordings by one device and by many devices side by side. Each is compiled from
 the same source for its own types, for more than a minute on one core, and numba compiles one
-function at a time in a process. So the first diagnosis has the second compiled by another process,
-which writes it into the cache (`sim.jit.cache_folder`), and reads it from there.
+function at a time in a process. So the first diagnosis has them compiled by two processes, which
+write them into the cache (`sim.jit.cache_folder`), and reads them from there.
 
     python -m zwidth.diagnosis.compiled alone | many
 
@@ -14,6 +14,7 @@ types. If a part cannot be compiled here, it is compiled when it is first needed
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 from filelock import FileLock
@@ -30,7 +31,8 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.jit import cache_folder
 
 PARTS = ("alone", "many")
-DONE = "diagnosis.compiled"  # in the folder of the cache
+DONE = "diagnosis.compiled"  # in the folder of the cache: the places of zwidth that it serves
+HERE = str(Path(__file__).resolve())  # numba keeps what it compiles by the place of the source
 TICKS = 64
 
 
@@ -40,18 +42,24 @@ def compiled() -> None:
     If another process is at it, this waits. On one core, all is compiled when it is needed.
     """
     done = cache_folder() / DONE
-    if done.exists() or (os.cpu_count() or 1) < 2 or _interpreted():
+    if _marked(done) or (os.cpu_count() or 1) < 2 or _interpreted():
         return
     tell(True)
     try:
         done.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(done.with_suffix(".lock")):
-            if not done.exists() and _side_by_side():
-                done.touch()
+            if not _marked(done) and _side_by_side():
+                with done.open("a", encoding="utf-8") as file:
+                    file.write(f"{HERE}\n")
     except OSError:  # nothing can be kept there
         return
     finally:
         tell(False)
+
+
+def _marked(done: Path) -> bool:
+    """Whether a file names this place of zwidth."""
+    return done.is_file() and HERE in done.read_text(encoding="utf-8").splitlines()
 
 
 def _interpreted() -> bool:

@@ -86,12 +86,17 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
 
 
 def test_every_part_is_compiled_once(asked: list[list[str]], tmp_path: Path) -> None:
-    """Mutations: no mark; the mark of another version's cache."""
+    """For each place of zwidth. Mutations: no mark; a mark that holds for every place."""
     first.compiled()
     assert [line[-1] for line in asked] == list(first.PARTS)
     first.compiled()
     assert len(asked) == len(first.PARTS)
-    assert (tmp_path / "cache" / first.DONE).exists()
+    mark = tmp_path / "cache" / first.DONE
+    assert mark.read_text() == f"{first.HERE}\n"
+    mark.write_text("/another/zwidth/diagnosis/compiled.py\n")
+    first.compiled()
+    assert len(asked) == 2 * len(first.PARTS)
+    assert len(mark.read_text().splitlines()) == 2
 
 
 def test_a_part_that_fails_is_compiled_when_it_is_needed(
