@@ -271,12 +271,11 @@ def _ticks_inside(axes: Axes) -> None:
     """Keep labels of time off the edges, where those of two panels side by side would meet."""
     low, high = axes.get_xlim()
     room = EDGE * (high - low)
-    for most in (4, 3, 2):
-        at = MaxNLocator(nbins=most).tick_values(low, high)
-        inside = [t for t in at if low + room <= t <= high - room]
-        longest = max((len(f"{t:.6g}") for t in inside), default=0)  # all have its decimals
-        if longest * len(inside) <= LETTERS:
-            break
+    at = MaxNLocator(nbins=4).tick_values(low, high)
+    inside = [t for t in at if low + room <= t <= high - room]
+    longest = max((len(f"{t:.6g}") for t in inside), default=0)  # all have its decimals
+    if longest * len(inside) > LETTERS:
+        inside = [inside[0], inside[-1]]
     axes.set_xticks(inside)
 
 
