@@ -7,8 +7,8 @@ write them into the cache (`sim.jit.cache_folder`), and reads them from there.
 
     python -m zwidth.diagnosis.compiled alone | many
 
-Limits: what no recording of one mass reaches (a force that is prescribed, a servo) has the same
-types. If a part cannot be compiled here, it is compiled when it is first needed.
+Limits: a recording of other types (one with gaps, for example) needs more, which is compiled when
+it is first needed; so is a part that could not be compiled here.
 """
 
 import os

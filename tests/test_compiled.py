@@ -47,7 +47,7 @@ for one, more, kernel in zip(before, known(), KERNELS):
 
 
 def test_a_diagnosis_compiles_no_kernel_besides() -> None:
-    """Mutations: a part left out; a recording of other types (a command of float32)."""
+    """Mutation: `run` without the free runs, the many, or their gains."""
     ended = subprocess.run(
         [sys.executable, "-c", AT_WORK], capture_output=True, text=True, check=False
     )
