@@ -24,6 +24,7 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SEARCHING, free_runs, innovations
 from zwidth.diagnosis.noise.steady import steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.files.whole import write_text
 from zwidth.sim.chain import make_chain
 from zwidth.sim.compiling import tell
 from zwidth.sim.device import Device
@@ -49,8 +50,7 @@ def compiled() -> None:
         done.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(done.with_suffix(".lock")):
             if not _marked(done) and _side_by_side():
-                with done.open("a", encoding="utf-8") as file:
-                    file.write(f"{HERE}\n")
+                write_text(done, "\n".join([*_served(done), HERE, ""]), own=True)
     except OSError:  # nothing can be kept there
         return
     finally:
@@ -59,7 +59,12 @@ def compiled() -> None:
 
 def _marked(done: Path) -> bool:
     """Whether a file names this place of zwidth."""
-    return done.is_file() and HERE in done.read_text(encoding="utf-8").splitlines()
+    return HERE in _served(done)
+
+
+def _served(done: Path) -> list[str]:
+    """Return the places of zwidth that a file names; none without the file."""
+    return done.read_text(encoding="utf-8").splitlines() if done.is_file() else []
 
 
 def _interpreted() -> bool:
