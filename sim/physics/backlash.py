@@ -134,16 +134,26 @@ def pushed_side(q, v, z, h, p):
     """Return the side that the link pushes on, 1 or -1; 0 while it carries no force; 1 without gap.
 
     After a correction, the link may pull on the side where the pin is: the pin then leaves the side
-    with z' = T / c. If it would cross the gap within h, the link still counts as pushing, so that
+    (`leaves`). If it would cross the gap within h, the link still counts as pushing, so that
     `lets_go` computes the crossing.
     """
     half, whole = 0.5 * p[0], p[1] * q + p[2] * v
     above, below = whole - p[1] * half, -whole - p[1] * half
-    damped = p[2] > 0.0
-    time, wide = select(damped, h, 1.0), 2.0 * half * select(damped, p[2], p[1])
-    upper = (z >= half) & ((above >= 0.0) | (-above * time > wide))
-    lower = (z <= -half) & ((below >= 0.0) | (-below * time > wide))
+    upper = (z >= half) & ((above >= 0.0) | (-leaves(above, h, p) > 2.0 * half))
+    lower = (z <= -half) & ((below >= 0.0) | (-leaves(below, h, p) > 2.0 * half))
     return select(upper | (half == 0.0), 1.0, select(lower, -1.0, 0.0))
+
+
+@part
+def leaves(t, h, p):
+    """Return how far a pin leaves its side in a time h if the link would pull on it with t < 0.
+
+    z' = T / c at first; the deformation that causes T decays with c / k, so the pin goes no farther
+    than T / k, and by (1 - exp(-k h / c)) T / k for a constant q.
+    """
+    stiff = p[1] > 0.0
+    far = t * select(stiff, (1.0 - springs_back(h, p)) / select(stiff, p[1], 1.0), 0.0)
+    return select(stiff, far, t * h / select(p[2] > 0.0, p[2], 1.0))
 
 
 @part
@@ -171,8 +181,8 @@ def lets_go(q0, v0, q1, v1, h, side, p):
 
     s is interpolated linearly, with an error of O(h); it multiplies t_1, which is O(h), too. So the
     impulse has an error of O(h^3). The pin is where the deformation at s (by the cubic through both
-    ends) has relaxed to, or where z' = T / c brings the pin, if that is farther from the side. If T
-    is below zero from the start (`pushed_side`), s = 0, and the mean includes t_0.
+    ends) has relaxed to, or where the mean pull brings it (`leaves`), if that is farther. If T is
+    below zero from the start (`pushed_side`), s = 0, and the mean includes t_0.
     """
     half = 0.5 * p[0]
     push = p[1] * half
@@ -186,8 +196,8 @@ def lets_go(q0, v0, q1, v1, h, side, p):
     there += s * s * ((3.0 - 2.0 * s) * q1 - rest * h * v1)
     pin = q1 - (there - side * half) * springs_back(rest * h, p)
     damped = p[2] > 0.0
-    leaves = select(damped, 0.5 * rest * h * t1 / select(damped, p[2], 1.0), 0.0)  # z' = T / c
-    pin = select(damped & gone, side * least(side * pin, half + leaves), pin)
+    away = half + leaves(0.5 * t1, rest * h, p)
+    pin = select(damped & gone, side * least(side * pin, away), pin)
     beyond = gone & (side * pin < -half)
     across = select(beyond, 2.0 * half / select(beyond, half - side * pin, 1.0), 1.0)
     crossing = push + pulled + 0.5 * across * (t1 - pulled)
