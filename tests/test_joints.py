@@ -62,6 +62,19 @@ def test_a_recording_of_one_device_has_no_joints(tmp_path: Path) -> None:
         names(tmp_path, {"t": T, "torque": TORQUE, "temperature": ANGLE})
 
 
+def test_masses_as_zwidth_names_them_are_of_one_device(tmp_path: Path) -> None:
+    """Mutations: the joint that moves most of them; joints with a drive each taken for masses."""
+    torque, first, third = "torque_Nm", "position_m1_rad", "position_m3_rad"
+    table(tmp_path, {"time_s": T, torque: TORQUE, first: ANGLE, third: 2.0 * ANGLE})
+    text = assumed(open_source(tmp_path / "d.csv"), "d.csv").text
+    said = [(o["at"], o["signal"]) for o in tomllib.loads(text)["output"]]
+    assert said == [("m1", first), ("m3", third)]
+    table(tmp_path, {"time_s": T, "torque_m1": TORQUE, "torque_m2": 0.1 * TORQUE,
+                     "position_m1": ANGLE, "position_m2": 2.0 * ANGLE})  # fmt: skip
+    text = assumed(open_source(tmp_path / "d.csv"), "d.csv").text
+    assert [o["signal"] for o in tomllib.loads(text)["output"]] == ["position_m2"]
+
+
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three joints: one with friction, one without anything, one that stands still."""
