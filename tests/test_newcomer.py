@@ -162,7 +162,7 @@ def test_play_between_motor_and_load_is_found(
     assert (
         "motor_angle_deg is taken for the side that is driven, load_angle_deg for the other" in err
     )
-    assert "two masses are taken" in err
+    assert "two masses are assumed" in err
     (finding,) = json.loads(Path("runs/answer.json").read_text())["findings"]
     assert (finding["effect"], finding["at"]) == ("backlash", "link12")
     assert finding["parameters"]["gap"]["value"] == pytest.approx(PLAY, rel=0.02)

@@ -11,6 +11,13 @@ singular, and the valley is curved: a whole step of Gauss and Newton overshoots,
 turns it away from the valley. So with the least m, parts of the step are tried too. (On such a
 chain, whose file was up to 42 % wrong, fits without them ended 266 in -2 ln above the truth, and 12
 of 19 intervals missed it; with them they end below it, in three quarters of the time.)
+Where no whole step is the best, the valley is followed by the geodesic acceleration a (Transtrum,
+Machta & Sethna, Phys. Rev. E 83, 036701, 2011). Along a step v,
+
+    r'' = 2 / h [(r(x + h v) - r(x)) / h - J v],    (J'J + m diag(J'J)) a = -J'r'',
+
+and x + s v + s^2 / 2 a is tried for a few s. (Of 64 refits of an exam, which ended without it up to
+660 above those with it, in -2 ln, none ended more than 0.2 higher; the simulations are as many.)
 Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
 is crossed, a limit that is reached) the cost has no useful slope over widths below about a
 hundredth of the resolution of the recording, and is smooth over more.
@@ -35,6 +42,11 @@ Floats = NDArray[np.float64]
 DAMPING = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
 # And parts of nearly undamped steps. Together they fill the lanes of one call of the kernel.
 ALONG = ((1e-7, (1.0, 0.3, 0.1, 0.03)), (1e-5, (1.0, 0.3, 0.1, 0.03)))
+STEPS = (*((m, (1.0,)) for m in DAMPING), *ALONG)
+# Places in the list of steps: whole ones, hardly damped.
+WHOLES = {0, len(DAMPING), len(DAMPING) + len(ALONG[0][1])}
+BENT = (1e-7, 1e-5, 1e-3)  # damping of steps that are followed along the valley
+ALONG_BEND, AHEAD = (1.0, 0.5, 0.25), 0.1  # parts of these; h
 SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x; 1 is a device file's uncertainty
 SHARE = 0.5  # of a parameter's own standard error: narrower if it is known better
 NARROWEST = 1e-5
@@ -120,6 +132,11 @@ def descend(
             own = ground.costs(steps) if steps else np.zeros(0)
         costs = np.concatenate([own, at.costs])
         best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
+        if best not in WHOLES and cost - float(costs[best]) > worth:
+            tried += (bent := _bent(ground, x, at.residual, slopes))
+            with reason("steps"):
+                costs = np.concatenate([costs, ground.costs(bent) if bent else []])
+            best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
         gained = cost - float(costs[best])
         if not gained > 0.0:
             last = slopes
@@ -196,18 +213,38 @@ def _widths(slopes: Floats, residual: Floats) -> Floats:
 
 
 def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
+    """The x of all steps and parts of them; x itself for one that cannot be computed."""
+    return [
+        ground.model.within(x + part * step)
+        for damping, parts in STEPS
+        for step in [_step(slopes, residual, damping)]
+        for part in parts
+    ]
+
+
+def _step(slopes: Floats, residual: Floats, damping: float) -> Floats:
+    """The step -(J'J + m diag(J'J))^-1 J'r, no longer than allowed; zero if it has no solution."""
     square = slopes.T @ slopes
-    downhill = slopes.T @ residual
-    diagonal = np.diag(square) + 1e-12 * np.trace(square) / x.size
+    diagonal = np.diag(square) + 1e-12 * np.trace(square) / square.shape[0]
+    try:
+        step = -np.linalg.solve(square + damping * np.diag(diagonal), slopes.T @ residual)
+    except np.linalg.LinAlgError:
+        return np.zeros(square.shape[0])
+    longest = float(np.abs(step).max(initial=0.0))
+    if not np.isfinite(longest):
+        return np.zeros(step.size)
+    return np.multiply(step, min(1.0, FARTHEST / max(longest, 1e-300)), dtype=np.float64)
+
+
+def _bent(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
+    """The x along a curved valley: of a step with its acceleration, for all dampings."""
+    steps = [_step(slopes, residual, damping) for damping in BENT]
+    with reason("steps"):
+        ahead = ground.residuals([ground.model.within(x + AHEAD * step) for step in steps])
     found: list[Floats] = []
-    for damping, parts in (*((m, (1.0,)) for m in DAMPING), *ALONG):
-        try:
-            step = -np.linalg.solve(square + damping * np.diag(diagonal), downhill)
-        except np.linalg.LinAlgError:
-            continue
-        longest = float(np.abs(step).max(initial=0.0))
-        if not np.isfinite(longest):
-            continue
-        step *= min(1.0, FARTHEST / max(longest, 1e-300))
-        found += [ground.model.within(x + part * step) for part in parts]
+    for damping, step, there in zip(BENT, steps, ahead, strict=True):
+        second = 2.0 / AHEAD * ((there - residual) / AHEAD - slopes @ step)
+        if np.isfinite(second).all():
+            curve = 0.5 * _step(slopes, second, damping)
+            found += [ground.model.within(x + s * step + s * s * curve) for s in ALONG_BEND]
     return found
