@@ -1,10 +1,13 @@
 """The cost of many members at once, and populations that arrive where slopes do not."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from fitting_examples import drive, play, recording
 
-from zwidth.diagnosis.fitting.descend import fit
+from zwidth.diagnosis.fitting.descend import _bent, fit
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
@@ -97,3 +100,22 @@ def test_a_fit_is_not_held_by_its_noise(off: tuple[float, float, float]) -> None
     free = settled(begun, turns=2)
     found = {p.at: p.values["level"] for p in free.model.effects_at(free.x)}
     assert found == pytest.approx(levels, abs=5e-4)
+
+
+def test_a_curved_valley_is_followed_to_its_end() -> None:
+    """r = (10 (y - x^2), 1 - x) is quadratic, so the whole step with its acceleration is exact.
+
+    A step alone from (-0.5, 0.25) ends at (1, -1.25). Mutations: the acceleration's sign; all of it
+    in the place of half.
+    """
+    start = np.array([-0.5, 0.25])
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]])
+
+    ground: Any = SimpleNamespace(
+        residuals=lambda xs: [residual(x) for x in xs], model=SimpleNamespace(within=lambda x: x)
+    )
+    slopes = np.array([[10.0, 10.0], [-1.0, 0.0]])
+    whole = _bent(ground, start, residual(start), slopes)[0]
+    np.testing.assert_allclose(whole, [1.0, 1.0], atol=1e-3)

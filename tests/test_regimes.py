@@ -108,3 +108,10 @@ def test_what_the_rest_predicts_is_a_density(told: float):
     assert found.costs.sum() == pytest.approx(evidence(y) - evidence(y[~where]), rel=1e-9)
     mean = y[~where].sum() / ((~where).sum() + 1e-4)
     np.testing.assert_allclose(found.errors[:, 0], mean - y[where], rtol=1e-9)
+
+
+def test_a_regime_says_nothing_if_all_samples_leave_a_parameter_open():
+    """A phase of a ripple of size zero. Mutation: the error of the eigenvalues let through."""
+    rows, slopes = np.ones((40, 1)), np.ones((40, 1, 2))  # the sum of both alone is seen
+    prior = np.zeros(0), np.zeros((0, 2))
+    assert step_without(rows, slopes, prior, np.arange(40) < 20) is None

@@ -174,7 +174,11 @@ def step_without(
     about = prior[1].T @ prior[1]
     whole, left = every.T @ every + about, rest.T @ rest + about
     # For each direction of x, the rest's share of the information of all samples.
-    if eigh(left, whole, eigvals_only=True).min() < TOLD:
+    try:
+        told = eigh(left, whole, eigvals_only=True)
+    except np.linalg.LinAlgError:  # all samples together do not determine x
+        return None
+    if told.min() < TOLD:
         return None
     downhill = -(rest.T @ rows[~where].ravel() + prior[1].T @ prior[0])
     return np.asarray(np.linalg.solve(left, downhill), dtype=np.float64), whole, left

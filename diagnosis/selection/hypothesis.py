@@ -28,7 +28,9 @@ Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
-MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
+MOST_TURNS, MORE = 10, 2.0  # of a fit; gain in misfit that justifies a further turn
+MUCH = 10.0  # gain of a fit from elsewhere, by which it is another
+FARTHER = (2.0, 4.0)  # times the step of a turn, each of what the one before reached
 HORIZONS = 4.0  # horizons over which the dependence of errors is measured
 FURTHER = 3  # new fits after one that ended as far from its start as allowed
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
@@ -262,15 +264,32 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
 def _settled(begun: Hypothesis, turns: int, rounds: int, worth: float) -> Hypothesis:
     best, gained, same = begun, math.inf, False
     for turn in range(MOST_TURNS):
-        if turn >= turns and gained < MUCH and same:
+        if turn >= turns and gained < MORE and same:
             break
         own = best.moved(_descended(best, rounds, turn > 0))
+        if turn and best.cost.misfit - own.cost.misfit > worth:
+            own = _farther(best, own)
         gained, same = best.cost.misfit - own.cost.misfit, own.ratio == best.ratio
         if gained > 0.0:
             best = own
         if gained < worth and (turn or gained <= 0.0):
             return replace(best, ended=True)
     return best
+
+
+def _farther(before: Hypothesis, own: Hypothesis) -> Hypothesis:
+    """Go on along a turn's step while that costs less.
+
+    A turn ends at the least cost under the noise and the observer of the turn before, and so on the
+    way to where they are best, too: its steps shrink by a ratio, of which the limit is a multiple.
+    """
+    for times in FARTHER:
+        x = before.model.within(before.x + times * (own.x - before.x))
+        far = before.moved(x)
+        if not far.cost.misfit < own.cost.misfit:
+            break
+        own = far
+    return own
 
 
 def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
