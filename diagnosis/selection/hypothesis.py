@@ -239,8 +239,9 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
     from six device files up to 60 % off, and changed no effect on eleven recordings of the paired
     set.) turns: the most, but more while they gain much, or while the noise changes, by which the
     least cost moves. (A clean machine of three masses else ended 16 in -2 ln too high, with half of
-    its parameters off by 3 to 5 sigma.) A fit that ends at the limit of its allowed distance from
-    the start (`Parameter.walks`) has not converged, and continues.
+    its parameters off by 3 to 5 sigma; on 20 recordings it takes 4 % more simulations.) A fit that
+    ends at the limit of its allowed distance from the start (`Parameter.walks`) has not converged,
+    and continues.
     """
     best = _settled(begun, turns, rounds, worth)
     for _ in range(FURTHER):
