@@ -167,7 +167,8 @@ def search(
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
-        plain = across(settled(judged(experiments, model, first_x(model, experiments), family)))
+        first = judged(experiments, model, first_x(model, experiments), family)
+        plain = across(settled(first, to_the_end=True))
     ticks = sum(e.ticks for e in experiments)
     slower = Slower(plain) if family.whitening else None
     found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
@@ -256,11 +257,17 @@ def _rounds(found: Search) -> None:
 
 
 def _ended(found: Search) -> None:
-    """Fit near rivals until they converge: they had two rounds of fitting, the best had many.
+    """Fit the best and near rivals until they converge: those had two rounds of fitting.
 
     A rival with no more effects that then costs less becomes the best, and so does one without an
     effect that is no longer believed over its absence.
     """
+    if not (found.best is found.plain or found.best.ended):
+        with stage("ending rivals"):
+            fit = partial(settled, found.best, to_the_end=True)
+            ended = attempt("candidates", found.best.model.label, fit)
+        if ended is not None and not ended.against_physics:
+            found.best = found.keep(ended)
     best = found.best
     near = [
         h
@@ -271,7 +278,8 @@ def _ended(found: Search) -> None:
         return
     found.say("fitting the closest rivals until they converge")
     with stage("ending rivals"):
-        again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
+        fits = [(h.model.label, partial(settled, h, to_the_end=True)) for h in near]
+        again = _each("candidates", fits)
     for h in again:
         if h.against_physics:  # no answer, even if it was one before
             found.tried.pop(h.labels, None)
