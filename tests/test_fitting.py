@@ -15,7 +15,8 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family, blind
 from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.noise.settle import prepared_for, refit
-from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection import hypothesis
+from zwidth.diagnosis.selection.hypothesis import _farther, _settled, judged, settled
 from zwidth.sim.physics import make_physics
 
 
@@ -119,3 +120,37 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
     slopes = np.array([[10.0, 10.0], [-1.0, 0.0]])
     whole = _bent(ground, start, residual(start), slopes)[0]
     np.testing.assert_allclose(whole, [1.0, 1.0], atol=1e-3)
+
+
+def test_a_turn_goes_on_along_its_step_while_that_costs_less() -> None:
+    """From 0 by 1, 2 and then 8 towards 3: it ends at 2. Mutations: one step; the last one tried."""
+
+    def at(x: float) -> Any:
+        return SimpleNamespace(
+            x=np.array([x]), cost=SimpleNamespace(misfit=(x - 3.0) ** 2), moved=lambda y: at(y[0]),
+            model=SimpleNamespace(within=lambda y: y),
+        )  # fmt: skip
+
+    assert _farther(at(0.0), at(1.0)).x[0] == 2.0
+    assert _farther(at(0.0), at(2.0)).x[0] == 2.0  # twice that costs no less
+    assert _farther(at(2.0), at(2.1)).x[0] == pytest.approx(2.8)
+
+
+@pytest.mark.parametrize(
+    ("gain", "noise_changes", "turns"), [(5.0, False, 10), (1.5, False, 3), (1.5, True, 10)]
+)
+def test_a_fit_to_the_end_goes_on_while_something_changes(
+    gain: float, noise_changes: bool, turns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And another ends after its turns. Mutations: `MUCH` in the place of `MORE`; no `same`."""
+
+    def at(x: float) -> Any:
+        return SimpleNamespace(
+            x=x, cost=SimpleNamespace(misfit=-gain * x), ratio=x if noise_changes else 0.0,
+            moved=at,
+        )  # fmt: skip
+
+    monkeypatch.setattr(hypothesis, "_descended", lambda h, *_: h.x + 1.0)
+    monkeypatch.setattr(hypothesis, "_farther", lambda _, own: own)
+    found = [_settled(at(0.0), 3, 6, 1.0, to_the_end=end).x for end in (True, False)]
+    assert found == [turns, 3.0]

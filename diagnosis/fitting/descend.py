@@ -16,8 +16,8 @@ Machta & Sethna, Phys. Rev. E 83, 036701, 2011). Along a step v,
 
     r'' = 2 / h [(r(x + h v) - r(x)) / h - J v],    (J'J + m diag(J'J)) a = -J'r'',
 
-and x + s v + s^2 / 2 a is tried for a few s. (Of 64 refits of an exam, which ended without it up to
-660 above those with it, in -2 ln, none ended more than 0.2 higher; the simulations are as many.)
+and x + s v + s^2 / 2 a is tried for a few s. (Of 41 refits of an exam, which ended without it up to
+660 above those with it, in -2 ln, none ended more than 0.2 higher, for 14 % more simulations.)
 Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
 is crossed, a limit that is reached) the cost has no useful slope over widths below about a
 hundredth of the resolution of the recording, and is smooth over more.
@@ -214,20 +214,20 @@ def _widths(slopes: Floats, residual: Floats) -> Floats:
 
 def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
     """The x of all steps and parts of them; x itself for one that cannot be computed."""
+    square, downhill = slopes.T @ slopes, slopes.T @ residual
     return [
         ground.model.within(x + part * step)
         for damping, parts in STEPS
-        for step in [_step(slopes, residual, damping)]
+        for step in [_step(square, downhill, damping)]
         for part in parts
     ]
 
 
-def _step(slopes: Floats, residual: Floats, damping: float) -> Floats:
+def _step(square: Floats, downhill: Floats, damping: float) -> Floats:
     """The step -(J'J + m diag(J'J))^-1 J'r, no longer than allowed; zero if it has no solution."""
-    square = slopes.T @ slopes
     diagonal = np.diag(square) + 1e-12 * np.trace(square) / square.shape[0]
     try:
-        step = -np.linalg.solve(square + damping * np.diag(diagonal), slopes.T @ residual)
+        step = -np.linalg.solve(square + damping * np.diag(diagonal), downhill)
     except np.linalg.LinAlgError:
         return np.zeros(square.shape[0])
     longest = float(np.abs(step).max(initial=0.0))
@@ -238,13 +238,14 @@ def _step(slopes: Floats, residual: Floats, damping: float) -> Floats:
 
 def _bent(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
     """The x along a curved valley: of a step with its acceleration, for all dampings."""
-    steps = [_step(slopes, residual, damping) for damping in BENT]
+    square, downhill = slopes.T @ slopes, slopes.T @ residual
+    steps = [_step(square, downhill, damping) for damping in BENT]
     with reason("steps"):
         ahead = ground.residuals([ground.model.within(x + AHEAD * step) for step in steps])
     found: list[Floats] = []
     for damping, step, there in zip(BENT, steps, ahead, strict=True):
         second = 2.0 / AHEAD * ((there - residual) / AHEAD - slopes @ step)
         if np.isfinite(second).all():
-            curve = 0.5 * _step(slopes, second, damping)
+            curve = 0.5 * _step(square, slopes.T @ second, damping)
             found += [ground.model.within(x + s * step + s * s * curve) for s in ALONG_BEND]
     return found
