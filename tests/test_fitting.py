@@ -123,7 +123,7 @@ def test_a_curved_valley_is_followed_to_its_end() -> None:
 
 
 def test_a_turn_goes_on_along_its_step_while_that_costs_less() -> None:
-    """From 0 by 1, 2 and then 8 towards 3: it ends at 2. Mutations: one step; the last one tried."""
+    """From 0 by 1, 2 and then 8 towards 3: it ends at 2. Mutations: one step; the last tried."""
 
     def at(x: float) -> Any:
         return SimpleNamespace(
