@@ -726,7 +726,7 @@ def test_what_comes_near_and_is_no_richer_takes_the_place_of_the_best(
     best = costing(rubbed, rubs, 100.0)
     other, wrong = costing(rubbed, forced, 95.0), costing(rubbed, dragged, 90.0)
     both = costing(rubbed, rubs.with_effect(force, {"level": 0.01}), 94.0)
-    monkeypatch.setattr(searching, "settled", lambda h: h)
+    monkeypatch.setattr(searching, "settled", lambda h, **_: h)
     monkeypatch.setattr(
         Hypothesis, "against_physics", property(lambda h: "x" if h.labels == wrong.labels else "")
     )

@@ -249,8 +249,8 @@ def settled(
 
     to_the_end: go on while a turn gains anything or the noise changes, by which the least cost
     moves, and along each turn's step (`_farther`). A clean machine of three masses else ended 16 in
-    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for what decides;
-    where it was asked for all fits, tables of a law took eight times as long.
+    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for the
+    refit and near rivals; asked for all fits, tables of a law took eight times as long.
     """
     best = _settled(begun, turns, rounds, worth, to_the_end)
     for _ in range(FURTHER):

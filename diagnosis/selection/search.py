@@ -257,17 +257,11 @@ def _rounds(found: Search) -> None:
 
 
 def _ended(found: Search) -> None:
-    """Fit the best and near rivals until they converge: those had two rounds of fitting.
+    """Fit near rivals until they converge: they had two rounds of fitting, the best had many.
 
     A rival with no more effects that then costs less becomes the best, and so does one without an
     effect that is no longer believed over its absence.
     """
-    if not (found.best is found.plain or found.best.ended):
-        with stage("ending rivals"):
-            fit = partial(settled, found.best, to_the_end=True)
-            ended = attempt("candidates", found.best.model.label, fit)
-        if ended is not None and not ended.against_physics:
-            found.best = found.keep(ended)
     best = found.best
     near = [
         h
