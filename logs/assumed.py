@@ -477,9 +477,10 @@ class _Reader:
         joints = differing({name: self.names[name] for name in arrays})
         indexed = sum(any(w.isdigit() for w in key) for key in joints.values())
         driven = [n for n, said in self.names.items() if said.drives and said.joint]
-        named = {"_".join(self.names[n].words).replace("m_", "m"): n for n in known}
-        if not driven and all(re.fullmatch(f"{quantity}_m[1-5]", one) for one in named):
-            return named  # as zwidth writes them: the masses of one device
+        own = [re.sub(r"_m_(\d)$", r"_m\1", "_".join(self.names[n].words)) for n in known]
+        masses = all(re.fullmatch(f"{quantity}_m[1-5]", one) for one in own)
+        if masses and not driven and len(set(own)) == len(known):
+            return dict(zip(own, known, strict=True))  # as zwidth names those of one device
         if (sides := sided(known)) and not (indexed and (len(arrays) > 2 or driven)):
             self.found.doubts.append(
                 f"{sides[0]} is taken for the side that is driven, {sides[1]} for the other, m2"

@@ -16,7 +16,7 @@ Machta & Sethna, Phys. Rev. E 83, 036701, 2011). Along a step v,
 
     r'' = 2 / h [(r(x + h v) - r(x)) / h - J v],    (J'J + m diag(J'J)) a = -J'r'',
 
-and x + s v + s^2 / 2 a is tried for a few s. (Of 41 refits of an exam, which ended without it up to
+and x + s v + s^2 / 2 a is tried for a few s. (Of 40 refits of an exam, which ended without it up to
 660 above those with it, in -2 ln, none ended more than 0.2 higher, for 14 % more simulations.)
 Slopes are differences over a width of each parameter. At a crease (friction that lets go, play that
 is crossed, a limit that is reached) the cost has no useful slope over widths below about a

@@ -29,7 +29,7 @@ SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave 
 BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
 MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
-MORE = 2.0  # the same of a fit to the end
+MORE = 2.0  # the same gain, for a fit to the end
 FARTHER = (2.0, 4.0)  # times the step of a turn, each of what the one before reached
 HORIZONS = 4.0  # horizons over which the dependence of errors is measured
 FURTHER = 3  # new fits after one that ended as far from its start as allowed
@@ -249,8 +249,8 @@ def settled(
 
     to_the_end: go on while a turn gains anything or the noise changes, by which the least cost
     moves, and along each turn's step (`_farther`). A clean machine of three masses else ended 16 in
-    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for the
-    refit and near rivals; asked for all fits, tables of a law took eight times as long.
+    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for the refit and
+    near rivals; asked for all fits, tables of a law took about four times as long.
     """
     best = _settled(begun, turns, rounds, worth, to_the_end)
     for _ in range(FURTHER):
