@@ -88,7 +88,7 @@ Dynamic Systems, Measurement, and Control 137, 024503, 2015):
 [[filters]]
 
 The filter helps here because it weakens the delayed damper, which excites a mode at 170 Hz. Encoder
-steps cost hardly any area (from a start of 200 steps). The command writes the device with the best
+steps cost hardly any area if runs start at 200 steps. The command writes the device with the best
 filter as `best.toml`. `--over` also accepts period, delay, encoder step and the rates of the loops.
 The keys of a device file are `velocity_cutoff_hz` and `velocity_order`.
 
@@ -182,9 +182,10 @@ In Python: `zwidth.texture`, `zwidth.region`; in a scenario `kind = "texture"` a
 
 ![Boundaries over hands](haptics/hands.png)
 
-Fingers differ: mass, damping and stiffness are drawn independently, log-uniformly, from published
-ranges (A. Z. Hajian, R. D. Howe, J. Biomechanical Engineering 119, 109, 1997). A rigid device has
-K_CR = 2 (b + b_h)/T, whatever the hand's mass and spring; b_h is the hand's damping.
+Fingers differ: mass, damping and stiffness are drawn independently, log-uniformly, from ranges
+ascribed to A. Z. Hajian and R. D. Howe (J. Biomechanical Engineering 119, 109, 1997), not yet
+verified there. A rigid device has K_CR = 2 (b + b_h)/T, whatever the hand's mass and spring; b_h is
+the hand's damping.
 
 [[hands]]
 
@@ -199,7 +200,7 @@ K_CR = 2 (b + b_h)/T, whatever the hand's mass and spring; b_h is the hand's dam
 Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
 delay it reduces the stiffness. G must stay below 1 + M/m_h, with the masses M before and m_h behind
 the sensor: above this, the force that a command causes amplifies the command. With t = T/2 + t_d
-and t_F = T + t_d, since the force of a held command is the force in the middle of its period,
+for the position and, since a sample shows a force half a period later, t_F = T + t_d:
 
     b = (1 + G) K_CR (t - G m_h t_F / (M + (1 + G) m_h)).
 
@@ -219,7 +220,7 @@ and force sensor, but without grating and passivity controller.
 
 Gil, Puerto, Diaz and Sanchez measured the boundary of this PHANToM by the relay method, with 2, 4
 and 8 ms of delay (IROS 2010, Table II). The device here is their Table I, identified from another
-recording; nothing in it is fitted to the walls below. The rows have a damper, and end before the
+recording; nothing in it is fitted to the walls below. Only rows with B > 0 are shown, up to the
 sudden rise of frequency. K is in N m/rad and B in N m s/rad, as printed; two values are misprints,
 and are read as the other rows imply ([the paper](paper.md), `fig_10`). "Refitted" has two numbers,
 inertia and damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
@@ -241,10 +242,11 @@ encoder, 12 with 45 ms on a Hall sensor. We did not know its measured walls when
 
 The rest is drawn at random. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4).
 Delay: 0.3 to 2 periods. Damper: the value that the first gain (known to 20 %) requires in addition
-to friction. Tap: 2 to 30 mrad. Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings,
-a band of 1 or 2 counts. Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration.
-Kalman: constant velocity or acceleration, 1/30 to 1 of the motor's largest acceleration as one
-sigma. Hand and elasticity are left out. Intervals contain 90 % of the draws:
+to friction. Start (a tap): 2 to 30 mrad. Radius (handle to axis): 70 to 120 mm. Low-pass: first
+order. FOAW: 8 to 24 readings, a band of 1 or 2 counts. Levant: a bound of 0.3 to 2.5 times the
+motor's largest acceleration. Kalman: constant velocity or acceleration, 1/30 to 1 of the motor's
+largest acceleration as one sigma. Hand and elasticity are left out. Intervals contain 90 % of the
+draws; B is tried up to 0.024 N s/mm:
 
 [[paddle]]
 
@@ -404,7 +406,7 @@ def draw_rates() -> str:
         right.set_title("a rigid device, $B$ = 0: $b / (T/2 + t_d)$")
         right.legend()
     save(figure, "rates")
-    head = "| rates | K_CR at B = 0 | K_max | last B | K_max with 2 ms of delay |\n"
+    head = "| rates | K_CR at B = 0 | K_max | largest B | K_max with 2 ms of delay |\n"
     return head + "|---|---|---|---|---|\n" + "\n".join(rows)
 
 
@@ -557,9 +559,9 @@ def draw_textures() -> str:
     )
     return _said(
         f"The simulated amplitudes differ from the describing function by at most"
-        f" {100.0 * worst:.1f} %. With the hand of four modes, the largest damping that is stable"
-        f" at K = 0 is {last / b:.3f} b. Without a hand, a device of 1e-3 kg m2 is stable up to"
-        f" {alone or 0.0:.2f} N m s/rad, which is {(alone or 0.0) / b:.0f} b."
+        f" {100.0 * worst:.1f} %. With a worst hand of four modes, the largest damping that is"
+        f" stable at K = 0 is {last / b:.3f} b. Without a hand, a device of 1e-3 kg m2 is stable up"
+        f" to {alone or 0.0:.2f} N m s/rad, which is {(alone or 0.0) / b:.0f} b."
     )
 
 

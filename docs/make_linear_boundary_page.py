@@ -255,10 +255,10 @@ describing function (dashed) predicts this; near the top it is slightly too low.
 
 **One-sided walls.** Friction stops a mass that hits a wall from outside if its speed is below a
 limit, which depends on the time of the impact between two samples. The describing function of a
-two-sided wall predicts a limit of 4 f_c / (pi (K tau - b)). With b = K tau / 2 the true limit is 0
-to 1 % higher at omega tau = 0.01, 2 to 4 % at 0.03 and 6 to 12 % at 0.08; without b half of that.
-The two-sided value is thus a lower bound, and a measurement of a real wall scatters by this much
-(`tests/test_physics_wall_energy.py`).
+two-sided wall predicts a limit of 4 f_c / (pi (K tau - b)) for friction f_c, damping b and tau =
+T/2. With b = K tau / 2 the true limit is 0 to 1 % higher at omega tau = 0.01 (omega = sqrt(K/m)), 2
+to 4 % at 0.03 and 6 to 12 % at 0.08; with b = 0 half of that. The two-sided value is thus a lower
+bound, and a measurement of a real wall scatters by this much (`tests/test_physics_wall_energy.py`).
 
 ## All together
 

@@ -33,7 +33,7 @@ from zwidth.files.whole import write_text, write_with
 from zwidth.logs.recording import read_recording, unscaled
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
-from zwidth.sim.readable import counted_in, number, percent
+from zwidth.sim.readable import counted_in, number, percent, with_unit
 
 PAGES = Path(__file__).parent / "machines"
 BEGIN, END = "<!-- made by docs/make_machine_pages.py -->\n", "<!-- until here -->\n"
@@ -155,7 +155,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines += ["", f"{small[:1].upper()}{small[1:]}."]
     lines += ["", "| linear parameter | device file | refitted |", "|---|---|---|"]
     for key, (nominal, value) in found.linear_refit.items():
-        lines.append(f"| {key} | {number(nominal)} | {estimate(value)} |")
+        lines.append(f"| {key} | {with_unit(nominal, value.unit)} | {estimate(value)} |")
     runs = found.whole_runs
     when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
     more = " with the law |" * (len(when) - len(WHEN))

@@ -372,8 +372,8 @@ def section(p: Prediction) -> str:
     for j, b in enumerate(DAMPINGS):
         cells = (_said(p.walls[:, i, j]) for i in range(len(ESTIMATORS)))
         walls.append(f"| {b:.3f} | " + " | ".join(cells) + " |")
-    top = ["| estimator | largest K [N m/rad] | at the end [N/mm] | at B [N s/mm] |"
-           " K(0) / largest | last / largest |", "|---" * 6 + "|"]  # fmt: skip
+    top = ["| estimator | largest K [N m/rad] | at the tip [N/mm] | at B [N s/mm] |"
+           " K(0) / largest | K(0.024) / largest |", "|---" * 6 + "|"]  # fmt: skip
     for i in p.order:
         ends = (p.walls[:, i, k] / p.largest[:, i] for k in (0, -1))
         top.append(

@@ -15,7 +15,7 @@ _watchers: list[Watcher] = []
 
 @contextmanager
 def watched(by: Watcher) -> Generator[None]:
-    """Have a watcher told within the block."""
+    """Call a watcher when compiling begins and ends within the block."""
     _watchers.append(by)
     try:
         yield

@@ -79,7 +79,7 @@ class Drive:
     servo's loop proportional k_p [V/rad | V/m], derivative k_d [V s/rad | V s/m], integral k_i
     [V/(rad s) | V/(m s)] within integral_limit_v [V], and goal_rate [rad/s | m/s], the speed at
     which the goal is followed at most. when_off: what the winding is while the drive is off. Of a
-    position drive stiffness, damping and limit in force a position, a speed and as such.
+    position drive: stiffness (force per position), damping (force per speed), limit (a force).
 
     Raises ValueError for a number that is not allowed.
     """

@@ -81,7 +81,7 @@ def walls(
 
 @dataclass(frozen=True)
 class Runs:
-    """An ensemble in the state it is in.
+    """An ensemble with its present state.
 
     members: the devices. device (runs,): which of them each run has. bank: states whose last axis
     counts the runs.

@@ -81,7 +81,7 @@ class Member(NamedTuple):
 
 
 def member(device: Device, substeps: int, seed: int = 0) -> Member:
-    """Return a device as a group takes it; raises ValueError as `equations` does."""
+    """Return a device as a member of a group; raises ValueError as `equations` does."""
     return Member(*frame(device, substeps, seed))
 
 

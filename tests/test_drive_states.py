@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.inverse import lacks
+from zwidth.diagnosis.learning.event_force import LEAD, Window
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output, stretches
 from zwidth.diagnosis.seeking.places import open_places, starts_at
@@ -339,3 +341,18 @@ def test_a_fit_tells_by_how_an_arm_falls_what_the_winding_is():
     found = settled(judged([run], model, np.zeros(len(model.parameters))))
     (effect,) = (p.values for p in model.effects_at(found.x))
     assert effect["damping"] == pytest.approx(BACK, rel=0.03)
+
+
+def test_a_drive_that_is_off_pushes_neither_in_an_event_nor_in_what_is_missing():
+    """The fall of a known arm. Mutations: the strengths left out in `Window`, in `_forces`."""
+    weighed = SERVO.with_physics(PENDULUM)
+    counts = replace(weighed, interface=replace(weighed.interface, command_gain=1.0))
+    run, model = dropped(counts, 2), Model(counts)
+    h = settled(judged([run], model, np.zeros(len(model.parameters))))
+    first, last = 190, 260  # it is off from 200 on
+    window = Window(h, 0, first, last)
+    unjudged = run.ticks - h.samples  # of the first samples
+    behind = slice(window.begins + LEAD // 2 - unjudged, window.ends - unjudged)
+    np.testing.assert_allclose(window.unknown, h.residual[behind], atol=0.02)
+    force = lacks(model, h.x, run, 5.0)[20:-20, 0]
+    assert np.sqrt(np.mean(force**2)) < 0.1  # gravity alone is 0.8

@@ -190,11 +190,11 @@ SAME: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "compiling for a boundary": (
         ("docs/performance.md", r"compiling for a boundary \| (.+?) of processor time"),
-        ("docs/install.md", r"compiling takes (.+?) of processor time for\s+a boundary"),
+        ("docs/install.md", r"the first\s+boundary for\s+(\d+ s)\."),
     ),
     "compiling for a diagnosis": (
         ("docs/performance.md", r"README's first line: install; .*? s; (\d+ s); "),
-        ("docs/install.md", r"(\d+ s) for a first diagnosis"),
+        ("docs/install.md", r"first diagnosis compiles for\s+(\d+ s) \(two processes\)"),
         ("docs/check.md", r"compiles the simulation in (\d+ s) on"),
     ),
     "a verdict of a log that grows": (

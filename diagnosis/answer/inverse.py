@@ -205,7 +205,7 @@ def _forces(
     with np.errstate(all="ignore"):  # infinite after an overflow
         errors = alone(
             eq, fine, outputs, seen.command, np.hstack([position, velocity]), put,
-            seen.external(eq.dof), memory,
+            seen.external(eq.dof), memory, seen.strengths,
         )  # fmt: skip
         plant = seen.on(device).plant()
         push = np.zeros((plant.size, n))

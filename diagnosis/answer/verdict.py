@@ -33,7 +33,7 @@ class Reason(Enum):
         "the fit ended at the limit of an allowed range, or predicts worse than without the found"
         " effects"
     )
-    MORE = "a learned law is needed beside the named effects"
+    MORE = "a learned law is needed in addition to the named effects"
     ONE_REGIME = "a named effect holds in one regime only"
     DISTURBED = "random forces must explain too much beside the named effects"
     UNJUDGED = "there are no held-out data to judge the named effects"
@@ -45,7 +45,10 @@ class Reason(Enum):
         "a parameter that changes with the level of the command, which a law outside the library"
         " may have caused"
     )
-    TOUCHED = "more than one contact was set apart, which a law outside the library may have caused"
+    TOUCHED = (
+        "more than one contact was excluded from the fit; a law outside the library may have caused"
+        " them"
+    )
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains the recording"
     STRAY = "no effect is named, and errors of free runs are larger than noise predicts"

@@ -520,9 +520,9 @@ def why(f: Facts) -> str:
             )
         case Reason.TOUCHED:
             told = (
-                f"{f.contacts} forces that acted once were set apart; unless somebody touched the"
-                " device at these times, a law that is not in the library acts, and the named"
-                " effects may stand for part of it"
+                f"{f.contacts} forces that acted once were excluded from the fit; unless somebody"
+                " touched the device at these times, a law that is not in the library acts, and the"
+                " named effects may stand for part of it"
             )
         case Reason.STRAY:
             told = (

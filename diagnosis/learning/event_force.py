@@ -37,7 +37,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
 from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.place import masses_and_links, place_at
-from zwidth.sim.predict import alone, copied
+from zwidth.sim.predict import Memory, alone, copied
 
 Floats = NDArray[np.float64]
 LEAD, TAIL = 60, 150  # ticks before and after an event that its fit includes
@@ -133,7 +133,8 @@ class Window:
         own = np.zeros((e.ticks, 0)) if e.force is None else e.force
         self.forces = self.seen.external(self.ready.coarse.dof, own)
         self.memory, self.full = memory_at(self.ready, self.seen, device, self.observer.gain)
-        self._through(slice(0, self.begins), self.forces, self.seen.readings, self.memory)
+        before = slice(0, self.begins)
+        self._through(before, self.seen.readings[before], self.forces[before], self.memory)
         self.unknown = self.white(None, np.zeros(0))
 
     def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
@@ -150,23 +151,17 @@ class Window:
         gone = None if self.seen.uncounted is None else self.seen.uncounted[there]
         if shift is not None:
             measured = measured - shift
-        e = self._run(self.seen.command[there], np.ascontiguousarray(measured), forces)
+        with np.errstate(all="ignore"):
+            e = self._through(there, measured, forces, copied(self.memory))
         if gone is not None:
             e[gone] = 0.0
         white = self.observer.weigh(e, gone)[LEAD // 2 :]
         return np.nan_to_num(white, nan=1e6, posinf=1e6).ravel()
 
-    def _run(self, command: Floats, measured: Floats, forces: Floats) -> Floats:
-        with np.errstate(all="ignore"):
-            return alone(
-                self.ready.coarse, self.ready.fine, self.places, command, measured, self.full,
-                np.ascontiguousarray(forces), copied(self.memory),
-            )  # fmt: skip
-
-    def _through(self, part: slice, forces: Floats, measured: Floats, memory: object) -> None:
-        alone(
-            self.ready.coarse, self.ready.fine, self.places, self.seen.command[part],
-            measured[part], self.full, forces[part], memory,  # pyright: ignore[reportArgumentType]
+    def _through(self, part: slice, measured: Floats, forces: Floats, memory: Memory) -> Floats:
+        return alone(
+            self.ready.coarse, self.ready.fine, self.places, self.seen.command[part], measured,
+            self.full, forces, memory, self.seen.strengths_in(part),
         )  # fmt: skip
 
     @property

@@ -52,7 +52,7 @@ def diagnose(
     device: a Device, the name of a shipped one, or a device file. Without it one is fitted, with
     one to three masses.
     validate: recordings to judge by; by default the last 30 % of each recording.
-    effort: how much is tried.
+    effort: quick, normal or thorough; how much is tried.
     known_torque: the model of a robot (MJCF or URDF), and the name of the joint that is diagnosed.
     MuJoCo then computes the torque of the robot's arms on that joint in the recorded posture.
     say: called with what is being done, `print` for instance; a diagnosis may take minutes. Without

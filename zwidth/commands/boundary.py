@@ -76,7 +76,7 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               " wall; and each B at which the paper measured this device.")  # fmt: skip
 @click.option("--start", cls=Quantities, type=Quantity("rad | m", above=True), metavar="A ...",
               help="Start amplitudes; a wall counts as stable if it is stable from each of them."
-              " Default: 0.001, and 0.0001 for a device that is not linear.")  # fmt: skip
+              " Default: 0.001; for a device that is not linear also 0.0001.")  # fmt: skip
 @click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
               help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
@@ -101,8 +101,8 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--hands", type=click.IntRange(10, 100_000), default=None, metavar="N",
-              help="Also draw N fingers at random from the published range, and show the 5, 50 and"
-              " 95 % quantiles of K_CR.")  # fmt: skip
+              help="Also draw N fingers at random from the range ascribed to Hajian and Howe, and"
+              " show the 5, 50 and 95 % quantiles of K_CR.")  # fmt: skip
 @click.option("--covariance", "covariance_file", metavar="FILE",
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="Covariance file of 'zwidth identify': also show the 95 % band of"
@@ -228,8 +228,8 @@ def _say_short_start(console: Console, device: Device, trial: Trial) -> None:
         steps = abs(trial.start) / device.interface.encoder_step
         console.warn(
             f"--start is {steps:.3g} encoder steps; rounding alone can sustain an oscillation of"
-            f" {FEW:.0f}. A wall that is stable from this start may be unstable from a larger one:"
-            f" give --start {least:.2g} or more"
+            f" {FEW:.0f} steps. A wall that is stable from this start may be unstable from a larger"
+            f" one: give --start {least:.2g} or more"
         )
 
 

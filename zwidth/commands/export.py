@@ -70,7 +70,7 @@ def command(
     c     C99 without dependencies: NAME_reset, NAME_read, NAME_step
     fmu   FMI 3.0 for co-simulation, with parameters that may be set; needs fmpy
     mjcf  MuJoCo
-    urdf  joints with damping and dry friction
+    urdf  one body on a joint with damping and dry friction
     sdf   the same, and springs
     isaaclab  a DelayedPDActuatorCfg of Isaac Lab, as Python
     newton    a body, a joint and a NewtonActuator, as USD

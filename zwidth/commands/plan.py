@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 @device_argument("name")
 @click.option("--noise", type=Quantity("rad | m", above=True), default=None,
               help="Noise of the measured position, rms. Default: the rounding error of the"
-              " encoder, its step over sqrt(12).")  # fmt: skip
+              " encoder, its step over sqrt(12); required if it has no step.")  # fmt: skip
 @click.option("--process-noise", type=Quantity("N m | N", above=True), default=None,
               help="Random force at m1, rms; every sample has a new value. Default: 0.2 % of"
               " the largest command.")  # fmt: skip

@@ -71,7 +71,7 @@ def command(
     """Run the experiment that a TOML file describes.
 
     Writes NAME.mcap, which 'zwidth replay' repeats bit for bit, and NAME.png. Interrupted, it
-    leaves every finished second in NAME.partial.mcap.
+    leaves every finished block of 1000 ticks in NAME.partial.mcap.
     """
     console = Console(json_file)
     described = load_scenario(scenario, controller)

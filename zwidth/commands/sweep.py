@@ -117,7 +117,7 @@ def _refuse_idle(options: dict[str, Any]) -> None:
 
 
 def as_result(found: Sweep) -> dict[str, Any]:
-    """Return what JSON says of a sweep; null for a cut-off that is none and for no theory."""
+    """Return what JSON says of a sweep; null for no cut-off, and where no theory applies."""
 
     def value(number: float) -> float | None:
         return number if np.isfinite(number) else None
