@@ -152,5 +152,5 @@ def test_a_fit_to_the_end_goes_on_while_something_changes(
 
     monkeypatch.setattr(hypothesis, "_descended", lambda h, *_: h.x + 1.0)
     monkeypatch.setattr(hypothesis, "_farther", lambda _, own: own)
-    found = [_settled(at(0.0), 3, 6, 1.0, to_the_end=end).x for end in (True, False)]
+    found = [_settled(at(0.0), 3, 6, to_the_end=end).x for end in (True, False)]
     assert found == [turns, 3.0]

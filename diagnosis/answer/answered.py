@@ -146,7 +146,7 @@ def _law(
     """
     by, because, free = stands.by, reason(facts), facts.free
     unnamed = because.verdict is Verdict.UNKNOWN_PHYSICS or because is Reason.STRAY
-    named = because in NAMES_STAND and not _as_foretold(facts)
+    named = because.verdict in NAMES_STAND and not _as_foretold(facts)
     if not (unnamed or named):
         return None, False, False
     if by.interrupted:

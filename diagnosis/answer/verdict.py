@@ -75,15 +75,7 @@ VERDICTS = {
     Reason.LINEAR: Verdict.LINEAR_PARAMETERS,
     Reason.NOTHING: Verdict.NOTHING_MISSING,
 }
-# Unless a law is better.
-NAMES_STAND = (
-    Reason.RIVALS,
-    Reason.IMPROBABLE,
-    Reason.DOUBTED,
-    Reason.WITH_LEVEL,
-    Reason.TOUCHED,
-    Reason.NAMED,
-)
+NAMES_STAND = (Verdict.CONFUSABLE, Verdict.IDENTIFIED)  # unless a law is better
 
 
 @dataclass(frozen=True)

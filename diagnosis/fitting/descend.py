@@ -56,14 +56,13 @@ FARTHEST = 5.0  # in x: the longest step
 
 @dataclass(frozen=True)
 class Descended:
-    """The end of a descent: x, its cost, and how many rounds it made.
+    """The end of a descent: x and its cost.
 
     slopes: of the last round, if its step gained little, so that they hold at x.
     """
 
     x: Floats
     cost: float
-    rounds: int
     slopes: Floats | None = None
 
 
@@ -105,12 +104,7 @@ def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slope
 
 
 def descend(
-    ground: Landscape,
-    x: Floats,
-    rounds: int = 12,
-    creased: bool = False,
-    worth: float = ENOUGH,
-    first: bool = False,
+    ground: Landscape, x: Floats, rounds: int = 12, creased: bool = False, first: bool = False
 ) -> Descended:
     """Minimise from x; creased: whether the model has nonsmooth effects (`Effect.creased`).
 
@@ -119,11 +113,10 @@ def descend(
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
-    cost, made, last = np.inf, 0, None
-    while made < rounds:
-        made += 1
+    cost, last = np.inf, None
+    for number in range(rounds):
         at = slopes_at(ground, x, widths, creased and not first)
-        if made == 1:
+        if number == 0:
             cost = ground.cost(at.residual)
         slopes = np.nan_to_num(at.slopes, nan=0.0, posinf=0.0, neginf=0.0)
         steps = _steps(ground, x, at.residual, slopes)
@@ -132,7 +125,7 @@ def descend(
             own = ground.costs(steps) if steps else np.zeros(0)
         costs = np.concatenate([own, at.costs])
         best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
-        if best not in WHOLES and cost - float(costs[best]) > worth:
+        if best not in WHOLES and cost - float(costs[best]) > ENOUGH:
             tried += (bent := _bent(ground, x, at.residual, slopes))
             with reason("steps"):
                 costs = np.concatenate([costs, ground.costs(bent) if bent else []])
@@ -147,15 +140,12 @@ def descend(
                 break
             continue
         x, cost = tried[best], float(costs[best])
-        if gained < worth:
+        if gained < ENOUGH:
             last = slopes
             break
         if creased:
             widths = _widths(slopes, at.residual)
-    if made == 0:
-        (residual,) = ground.residuals([x])
-        cost = ground.cost(residual)
-    return Descended(x, cost, made, last)
+    return Descended(x, cost, last)
 
 
 def fit(problem: Problem, model: Model, x: Floats | None = None, rounds: int = 12) -> Fitted:

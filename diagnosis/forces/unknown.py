@@ -188,14 +188,6 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
-def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
-    """Return place, state, and the chi-square that a force in its bins gains, less the penalty."""
-    every = _gains(problem, fitted)
-    return [
-        (g.shape.place, g.shape.follows, _surplus(g)) for g in every if g.shape.follows in STATES
-    ]
-
-
 def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitted]]:
     """Yield the given observer, then a slower one with the model refitted, if possible."""
     experiments = problem.experiments

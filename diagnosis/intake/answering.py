@@ -134,7 +134,7 @@ class Answering:
                 all(np.all(np.isfinite(one)) for one in every) and np.all(self.size > 0.0)
             )
         self.own, self.command = own, command
-        self.forces = np.stack([self._flat(f) for f in forces], axis=1)
+        self.forces = np.stack([self.flat(f) for f in forces], axis=1)
         self.slopes = slopes
         count = len(slopes)
         self.least = np.concatenate(
@@ -147,17 +147,9 @@ class Answering:
         """Number of innovations."""
         return self.forces.shape[0]
 
-    def own_alone(self) -> Floats:
-        """Return y (samples,)."""
-        return self._flat(self.own)
-
-    def command_alone(self, earlier: int) -> Floats:
-        """Return u_n (samples,)."""
-        return self._flat(self.command, earlier)
-
     def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
         """Return the remainder for a scale (None: the best from `lowest` on) and an advance."""
-        own, drives = self._flat(self.own), self._flat(self.command, earlier)
+        own, drives = self.flat(self.own), self.flat(self.command, earlier)
         if scale is not None:
             columns = self._columns(scale, earlier)
             _, errors = self._solved(columns, own + scale * drives, self.least, self.most)
@@ -184,10 +176,11 @@ class Answering:
 
     def _columns(self, scale: float, earlier: int) -> Floats:
         """Additional forces, and the effects of wrong masses, springs and dampers."""
-        off = [self._flat(y) + scale * self._flat(u, earlier) for y, u in self.slopes]
+        off = [self.flat(y) + scale * self.flat(u, earlier) for y, u in self.slopes]
         return np.column_stack([self.forces, *off])
 
-    def _flat(self, values: Floats, earlier: int = 0) -> Floats:
+    def flat(self, values: Floats, earlier: int = 0) -> Floats:
+        """Return a command or motion of this recording as it is compared, some samples earlier."""
         kept = slice(self.kept.start + earlier, self.kept.stop + earlier)
         with np.errstate(all="ignore"):
             return (values[kept] / self.size).ravel()

@@ -135,11 +135,11 @@ def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
 def _screened(asked: Answering, most: int) -> Floats:
     """Remaining mean squares (2 most + 1,) for each shift, with an exact device file."""
     beside = np.linalg.qr(asked.forces)[0]
-    own = asked.own_alone()
+    own = asked.flat(asked.own)
     own = own - beside @ (beside.T @ own)
     found: list[float] = []
     for n in range(-most, most + 1):
-        b = asked.command_alone(n)
+        b = asked.flat(asked.command, n)
         b = b - beside @ (beside.T @ b)
         a = -float(b @ own) / max(float(b @ b), 1e-300)
         found.append(float(np.mean((own + max(a, 0.0) * b) ** 2)))

@@ -292,9 +292,9 @@ class TablesForm(Form):
         self.sizes = self.states.size, self.beside.size
         self.names = (*LAW_FIRST[: self.states.size], *LAW_SECOND[: self.beside.size])
 
-    @abstractmethod
     def of(self, field: Field, tables: TwoTables) -> Physics:
         """Return a law of this form with other tables."""
+        return make_physics(self.law.effect.name, field.at, **two_tables_values(*tables))
 
     @abstractmethod
     def seen(self, field: Field) -> tuple[Floats, Floats]:
@@ -377,10 +377,6 @@ def _fewer_of(at: Floats, laws: Floats, some: Places, fixed: int) -> _Table:
 class ProductForm(TablesForm):
     """A force over one state, times a number over the other."""
 
-    def of(self, field: Field, tables: TwoTables) -> Physics:
-        """Return a product with other tables."""
-        return make_physics("free_product", field.at, **two_tables_values(*tables))
-
     def seen(self, field: Field) -> tuple[Floats, Floats]:
         """Return the positions of samples along either table (samples,)."""
         return field.along(self.tables.over)
@@ -422,10 +418,6 @@ class ShiftForm(TablesForm):
         return shift(
             field, self.tables.over, self.states - none, self.laws, self.beside, self.others - none
         )
-
-    def of(self, field: Field, tables: TwoTables) -> Physics:
-        """Return a shift with other tables."""
-        return make_physics("free_shift", field.at, **two_tables_values(*tables))
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
         """Return the positions of samples along either table (samples,), the first one shifted."""

@@ -629,16 +629,10 @@ def _times(physics: Physics, scale: float) -> Physics:
     return replace(physics, values={k: v * scale for k, v in physics.values.items()})
 
 
-def first_velocity(experiment: Experiment) -> int | None:
-    """Return the index of the velocity of m1 among the outputs, None for none."""
-    named = [o.name for o in experiment.outputs]
-    return named.index("velocity_m1") if "velocity_m1" in named else None
-
-
 def is_read(parameter: Parameter, experiments: Sequence[Experiment]) -> bool:
     """Whether any output depends on a parameter; only jitter and zeros may have no output."""
     if parameter.kind == "jitter":
-        return any(first_velocity(e) is not None for e in experiments)
+        return any(o.name == "velocity_m1" for e in experiments for o in e.outputs)
     if parameter.kind == "zero":
         outputs = (o for e in experiments for o in e.outputs)
         return any(o.tells_position and o.mass == parameter.index for o in outputs)

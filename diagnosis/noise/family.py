@@ -21,10 +21,9 @@ from zwidth.diagnosis.noise.gaps import Gain, returning
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
-    Fineness,
     Observer,
     innovations,
-    prepared_each,
+    prepared,
     told,
     whitened,
 )
@@ -95,10 +94,10 @@ class Noise:
     cost: float
     weighed: Floats
 
-    def problem(self, experiments: Sequence[Experiment], fineness: Fineness = SEARCHING) -> Problem:
+    def problem(self, experiments: Sequence[Experiment]) -> Problem:
         """Return the recordings under this model of their noise."""
         known = [replace(e, start=s) for e, s in zip(experiments, self.starts, strict=True)]
-        return Problem(known, self.observer, fineness)
+        return Problem(known, self.observer, SEARCHING)
 
 
 def likeliest(
@@ -201,7 +200,8 @@ def _begun_with_play(
     ]
     if all(now is before for now, before in zip(starts, noise.starts, strict=True)):
         return None
-    ready = prepared_each(device, seen, SEARCHING)
+    plain = prepared(device, SEARCHING)
+    ready = [plain if e.changes is None else prepared(e.on(device), SEARCHING) for e in seen]
     errors = [
         innovations(device, replace(e, start=start), observer.gain, ready=one)
         for e, start, one in zip(seen, starts, ready, strict=True)

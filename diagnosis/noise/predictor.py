@@ -203,14 +203,6 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
     return Prepared(coarse, equations(device, many) if many > few else coarse)
 
 
-def prepared_each(
-    device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL
-) -> list[Prepared]:
-    """Return the prepared device for each recording, shared by recordings without changes."""
-    plain = prepared(device, fineness)
-    return [plain if e.changes is None else prepared(e.on(device), fineness) for e in experiments]
-
-
 def substeps_of(device: Device, fineness: Fineness) -> tuple[int, int]:
     """Return the substeps per tick, and the number in ticks that need more; see `prepared`."""
     return substeps_for(device.physics, fineness, enough(device))

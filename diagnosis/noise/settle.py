@@ -13,7 +13,6 @@ from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, likeliest
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
-from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 TURNS, ROUNDS = 6, 12
@@ -68,11 +67,9 @@ def settle(
     return problem, fit(problem, model, x)
 
 
-def refit(
-    device: Device, experiments: Sequence[Experiment], effects: tuple[Physics, ...] = ()
-) -> tuple[Problem, Fitted]:
+def refit(device: Device, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
     """Fit the linear parameters, choosing the noise again between fits until both agree."""
-    model = Model(device, effects, tuple({} for _ in effects))
+    model = Model(device)
     return settle(experiments, model, np.zeros(model.linear_count))
 
 

@@ -29,6 +29,7 @@ SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave 
 BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
 MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
+WORTH = 1.0  # gain in misfit below which a fit has ended
 MORE = 2.0  # the same gain, for a fit to the end
 FARTHER = (2.0, 4.0)  # times the step of a turn, each of what the one before reached
 HORIZONS = 4.0  # horizons over which the dependence of errors is measured
@@ -231,12 +232,7 @@ def independent(h: Hypothesis, horizon: float) -> Hypothesis:
 
 
 def settled(
-    begun: Hypothesis,
-    turns: int = 3,
-    rounds: int = 6,
-    worth: float = 1.0,
-    *,
-    to_the_end: bool = False,
+    begun: Hypothesis, turns: int = 3, rounds: int = 6, *, to_the_end: bool = False
 ) -> Hypothesis:
     """Fit and choose the noise again, in turn, until neither gains; then price the parameters.
 
@@ -252,7 +248,7 @@ def settled(
     -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for the refit and
     near rivals; asked for all fits, tables of a law took about four times as long.
     """
-    best = _settled(begun, turns, rounds, worth, to_the_end)
+    best = _settled(begun, turns, rounds, to_the_end)
     for _ in range(FURTHER):
         walked = (
             p.at_end(float(x), p.walks, EDGE)
@@ -263,7 +259,7 @@ def settled(
         model, x = best.model.begun_at(best.x)
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
-        best = _settled(again, turns, rounds, worth, to_the_end)
+        best = _settled(again, turns, rounds, to_the_end)
     if best.has_valleys:  # compute the initial state anew
         near = best.family.near(best.ratio)
         anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
@@ -271,20 +267,18 @@ def settled(
     return priced(best)
 
 
-def _settled(
-    begun: Hypothesis, turns: int, rounds: int, worth: float, to_the_end: bool
-) -> Hypothesis:
+def _settled(begun: Hypothesis, turns: int, rounds: int, to_the_end: bool) -> Hypothesis:
     best, gained, same = begun, math.inf, False
     for turn in range(MOST_TURNS):
         if turn >= turns and (gained < MORE and same if to_the_end else gained < MUCH):
             break
         own = best.moved(_descended(best, rounds, turn > 0))
-        if to_the_end and turn and best.cost.misfit - own.cost.misfit > worth:
+        if to_the_end and turn and best.cost.misfit - own.cost.misfit > WORTH:
             own = _farther(best, own)
         gained, same = best.cost.misfit - own.cost.misfit, own.ratio == best.ratio
         if gained > 0.0:
             best = own
-        if gained < worth and (turn or gained <= 0.0):
+        if gained < WORTH and (turn or gained <= 0.0):
             return replace(best, ended=True)
     return best
 

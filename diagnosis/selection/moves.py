@@ -337,8 +337,7 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         one, other = fitted[i], fitted[j]
         if one.place.acts_on != other.place.acts_on:
             continue
-        model, x = h.model.less(h.x, j)
-        model, x = model.less(x, i)
+        model, x = h.model.less(h.x, i, j)
         for effect, place in open_places(model.build(x), h.model.nominal):
             if place.acts_on == one.place.acts_on and _like_both(effect, one.effect, other.effect):
                 (starts,) = starts_at([(effect, place)], sizes, far=True).values()
@@ -369,8 +368,7 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         places = str(other.place) in one.effect.places and str(one.place) in other.effect.places
         if alike or not places:
             continue
-        model, x = h.model.less(h.x, j)
-        model, x = model.less(x, i)
+        model, x = h.model.less(h.x, i, j)
         room = {
             (effect.name, place.acts_on)
             for effect, place in open_places(model.build(x), h.model.nominal)
@@ -441,8 +439,7 @@ def _without(
     """The cut problem, a model's adapted x without an effect, and how much more it costs."""
     under = _cut(h.problem, ticks)
     ground = Landscape(under.experiments, under.observer, model, SCREENING)
-    creased = any(p.effect.creased for p in model.effects)
-    first = descend(ground, x, Effort.first_rounds, creased, first=True)
+    first = descend(ground, x, Effort.first_rounds, creased(model), first=True)
     whole = Landscape(under.experiments, under.observer, h.model, SCREENING)
     return under, first.x, first.cost - float(whole.costs([h.x])[0])
 
@@ -466,10 +463,8 @@ def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
     stretch = beginnings(h.experiments, ticks)
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT
     for x in (h.x, np.where(prior, 0.0, h.x)) if bent else (h.x,):
-        try:
+        with suppress(NoObserver):
             yield view(prepared_for(stretch, h.model, x, blind(SLOWEST)), h.model, x, own=False)
-        except NoObserver:
-            continue
 
 
 def _together(
