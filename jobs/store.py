@@ -72,7 +72,8 @@ class PartStore:
         would take ten times as long as writing a part.
         """
         buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **dict(arrays))
+        # numpy 2.1 would take allow_pickle for a further array.
+        np.savez(buffer, **dict(arrays))  # pyright: ignore[reportArgumentType]
         write_bytes(self._file(number), buffer.getvalue(), wait=False, own=True)
 
     def _file(self, number: int) -> Path:
