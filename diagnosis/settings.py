@@ -147,11 +147,8 @@ class Verdict:
     """Which verdict an answer gets (`answer.verdict`)."""
 
     apart: float = 5.0
-    """Sigma within which a rival cannot be distinguished from a finding. Convention: five sigma."""
-
-    shifted: float = 5.0
-    """Sigma by which a linear parameter must differ from the device file's. Convention, as `apart`.
-    """
+    """Sigma within which a rival cannot be distinguished from a finding, and by which a linear
+    parameter must differ from the device file's. Convention: five sigma."""
 
     sure: float = 0.95
     """Probability of an effect or a richer form of it, below which it is not called identified.

@@ -24,7 +24,7 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
-from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
+from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, shown
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
@@ -232,7 +232,8 @@ def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPat
     """
     monkeypatch.setenv("ZWIDTH_THREADS", "2")
     monkeypatch.setattr("zwidth.diagnosis.selection.moves.NO_SIGN", -np.inf)
-    monkeypatch.setattr(Effort, "hopeless", np.inf)  # so that all are fitted to their end
+    to_the_end = replace(PURSUIT, hopeless=np.inf)
+    monkeypatch.setattr("zwidth.diagnosis.selection.search.PURSUIT", to_the_end)
     all_of_a_view = replace(PURSUIT, rival_share=-np.inf)
     monkeypatch.setattr("zwidth.diagnosis.selection.moves.PURSUIT", all_of_a_view)
 

@@ -10,9 +10,11 @@ import numpy as np
 from sampled import SAMPLE, Sampled
 
 from zwidth.api.given import trace_of
-from zwidth.diagnosis.answer.result import Diagnosis, Verdict
-from zwidth.diagnosis_report import Commands, save_report
+from zwidth.diagnosis.answer.result import Diagnosis, Estimate, Verdict
+from zwidth.diagnosis_report import Commands, assumptions, save_report
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device_file import device_from_text
+from zwidth.sim.readable import with_unit
 
 ROOT = Path(__file__).parent.parent
 MOST_BYTES = 3_000_000  # of a report, so that it can be sent by mail
@@ -92,3 +94,21 @@ def test_its_columns_as_arrays_are_the_recording_of_its_file(sampled: Sampled) -
     whole = trace_of(sampled.folder / "runs" / "bench.recording.toml")
     for name in ("command", "position_m1"):
         np.testing.assert_allclose(arrays[name], whole[name], rtol=1e-12)
+
+
+def test_where_a_spring_rests_is_told_with_the_force_that_would_look_the_same(sampled: Sampled):
+    """Of -0.3 rms motions on 0.5 N m/rad. Mutations: the offset in rms motions; q0 / k."""
+    found, swing = sampled.found, sampled.found.experiments[0].swing
+    chain = found.device.chain
+    sprung = found.device.with_chain(make_chain(chain.masses, chain.ground_dampers, 0.5))
+    rest = Estimate(-0.3, -0.31, -0.29, "rms motions")
+
+    def told(rest: Estimate) -> list[str]:
+        refit = found.linear_refit | {"origin": (0.0, rest)}
+        every = assumptions(replace(found, device=sprung, linear_refit=refit), AGAIN)
+        return [line for line in every if "rest position" in line]
+
+    (line,) = told(rest)
+    assert with_unit(-0.3 * swing, "rad", 3) in line
+    assert f"a constant force of {with_unit(-0.15 * swing, 'N m', 3)} would look the same" in line
+    assert not told(replace(rest, upper=0.01))

@@ -53,6 +53,7 @@ from zwidth.diagnosis.selection.search import (
     look_for_valleys,
     search,
 )
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
@@ -174,7 +175,8 @@ def test_a_search_takes_what_is_believed_and_nothing_else(rubbed: list[Experimen
 def test_what_was_fitted_has_probabilities_that_sum_to_one(
     rubbed: list[Experiment], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Effort, "hopeless", np.inf)  # so that what is far behind is fitted too
+    every = replace(PURSUIT, hopeless=np.inf)  # so that what is far behind is fitted too
+    monkeypatch.setattr("zwidth.diagnosis.selection.search.PURSUIT", every)
     right = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
     other = make_physics("coulomb_friction", "m2", level=0.02), {"level": 0.02}
     found = search(drive(), rubbed, QUICK, moves=only(right, other))

@@ -303,9 +303,24 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
             " mass, spring and damper is wrong by 3 % (with command_scale in [uncertainty], the"
             " scale is fitted)"
         )
+    said += _where_the_spring_rests(diagnosis)
     held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
     said.append(f"the fit is judged on {HELD[held]}; the intervals are 95 %")
     return [*commands.assumed, *said]
+
+
+def _where_the_spring_rests(diagnosis: Diagnosis) -> list[str]:
+    """The rest position of a spring to ground, if it moved: k (q - q0) is k q less a force k q0."""
+    _, moved = diagnosis.linear_refit.get("origin", (0.0, None))
+    if moved is None or moved.lower <= 0.0 <= moved.upper:
+        return []
+    length, force = ("rad", "N m") if diagnosis.device.rotary else ("m", "N")
+    offset = moved.value * diagnosis.experiments[0].swing
+    same = with_unit(diagnosis.device.chain.ground_spring * offset, force, 3)
+    return [
+        f"the rest position of the spring to ground is fitted ({with_unit(offset, length, 3)} from"
+        f" that of the device file): a constant force of {same} would look the same"
+    ]
 
 
 def changes_in_words(found: Diagnosis) -> list[str]:

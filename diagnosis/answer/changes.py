@@ -41,6 +41,7 @@ from zwidth.diagnosis.learning.changing import (
     FOLLOWS,
     RUN,
     SETTLES,
+    SHORTEST,
     STEP,
     Suspect,
     Varied,
@@ -69,7 +70,7 @@ from zwidth.sim.readable import plain
 Floats = NDArray[np.float64]
 RIVALS = 8  # hypotheses of the search that are fitted anew with a change
 FINE = 400  # points of a line
-PARTS, LEAST = 8, 3 * SETTLING  # parts of held-out data while a drift goes on, and their samples
+PARTS = 8  # of held-out data while a drift goes on
 RUNS = 2  # free runs before a change in held-out data, with which these still judge
 # Courses that are no plain words -> how they are said.
 AS_WELL = {RUN: "one recording unlike the others", EACH: "another value in each recording"}
@@ -346,7 +347,7 @@ def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> 
     if not (follows or goes_on):
         return [e]
     end, before = fitted[0].ticks, e.before
-    count = max(1, min(PARTS, e.ticks // LEAST))
+    count = max(1, min(PARTS, e.ticks // SHORTEST))
     edges = np.linspace(0, e.ticks, count + 1).round().astype(np.int64).tolist()
     found: list[Experiment] = []
     for a, b in itertools.pairwise(edges):

@@ -29,10 +29,9 @@ from scipy.fft import next_fast_len
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.together import Together, follows, together
-from zwidth.diagnosis.noise.family import blind
+from zwidth.diagnosis.noise.family import SLOWER, blind
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations, settling
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver

@@ -19,7 +19,7 @@ from zwidth.diagnosis.answer.words import LISTED, listed, place_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import Learned
-from zwidth.diagnosis.learning.energy import makes_energy
+from zwidth.diagnosis.learning.energy import LITTLE, makes_energy
 from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.learning.surface_forms import TablesForm, told
 from zwidth.diagnosis.learning.surfaces import Surface
@@ -36,7 +36,6 @@ LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_
            "position": "q", "velocity": "v", "command": "u"}  # fmt: skip
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 ANYWHERE = 10.0  # deviation of a shift's unknown constant, over the range of the shift
-LITTLE = 1e-3  # of the largest power, below which no energy is generated
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ class Facts:
     @property
     def moved(self) -> list[str]:
         """The linear parameters that differ from the device file, without those of readings."""
-        far = VERDICT.shifted / Z95 * 0.5
+        far = VERDICT.apart / Z95 * 0.5
         return [
             name
             for name, (nominal, e) in self.refit.items()

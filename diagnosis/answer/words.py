@@ -532,7 +532,7 @@ def why(f: Facts) -> str:
                 " record for longer, at a higher level, or with a finer sensor"
             )
         case Reason.LINEAR:
-            told = f"{_differing(f)} by more than {VERDICT.shifted:g} sigma"
+            told = f"{_differing(f)} by more than {VERDICT.apart:g} sigma"
         case Reason.NAMED:
             told = "every other explanation is clearly worse, and held-out data agree"
         case Reason.NOTHING:

@@ -35,7 +35,7 @@ from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.forces.leftover import Leftover, factors, leftover, predicted_states
 from zwidth.diagnosis.forces.locate import STATES, motions, state_of
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, blind
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, SLOWER, Family, blind
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.settle import STILL, cost_at, fitted_in_turn, prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -57,7 +57,6 @@ CUBE = "the cube of velocity"
 WAVING = 3  # unknowns of a repeating force: cosine, sine and period
 SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods of an inertia over the travel
 JUDGED = 3  # shapes of each view whose likelihood is computed
-SLOWER = 1e-2  # of the observer's ratio
 
 
 @dataclass(frozen=True)

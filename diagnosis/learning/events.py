@@ -52,9 +52,9 @@ from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.learning.scatter import scatter_in_like_states
+from zwidth.diagnosis.noise.family import SLOWER
 from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver

@@ -7,9 +7,8 @@ from functools import partial
 from tomli_w import dumps
 
 from zwidth.diagnosis.learning.formulas import FORMS, LAWS
+from zwidth.diagnosis.learning.steady import HOOKS, STATES
 
-STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
-ENTERS = {"free_amplifier": "command", "free_sensor": "sensor"}
 OVER = {"free_spring": "position", "free_damper": "velocity", "free_amplifier": "command",
         "free_sensor": "position"}  # fmt: skip
 WIDER = 100.0  # bounds of a parameter, relative to its fitted value
@@ -27,7 +26,7 @@ def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float],
     """
     made = _length if effect == "free_sensor" else _force
     formula, parameters = _part(effect, form, numbers, made)
-    enters = ENTERS.get(effect, "force")
+    enters = HOOKS.get(effect, "force")
     return _text(name, f"{form} of the {OVER[effect]}", enters, formula, said, parameters)
 
 

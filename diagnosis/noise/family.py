@@ -35,6 +35,7 @@ Floats = NDArray[np.float64]
 # forgets in 300 ticks; coarse encoders on quiet machines need 1e-9 (43 in -2 ln over 1e-7 on a
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
+SLOWER = 1e-2  # of the likeliest ratio, of an observer that leaves more of missing physics to see
 NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
 

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from zwidth.diagnosis.settings import PURSUIT
-
 
 @dataclass(frozen=True)
 class Effort:
@@ -33,8 +31,6 @@ class Effort:
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
     most_ended: ClassVar[int] = 2  # times `ended`, if laws differ only in their places
-    near_rival: ClassVar[float] = PURSUIT.near_rival
-    hopeless: ClassVar[float] = PURSUIT.hopeless
 
 
 QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1, surfaces=False)

@@ -26,7 +26,6 @@ from zwidth.sim.physics.sizes import SMALLEST
 Floats = NDArray[np.float64]
 Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
-BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
 MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
 WORTH = 1.0  # gain in misfit below which a fit has ended
@@ -36,7 +35,6 @@ HORIZONS = 4.0  # horizons over which the dependence of errors is measured
 FURTHER = 3  # new fits after one that ended as far from its start as allowed
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, relative to the device file's own
-ODDS = EVIDENCE.rare
 
 
 @dataclass(frozen=True)
@@ -330,7 +328,7 @@ def priced(h: Hypothesis) -> Hypothesis:
 
 
 def _rarity(model: Model) -> float:
-    return rarity([p.effect.prior_at(p.place) or ODDS for p in model.effects])
+    return rarity([p.effect.prior_at(p.place) or EVIDENCE.rare for p in model.effects])
 
 
 def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
@@ -374,7 +372,7 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
     inverse = np.linalg.pinv(moments / known)
     squares = np.einsum("ki,ij,kj->k", rows, inverse, rows)
     own = observer.counts * squares + observer.told * (each - observer.counts * o)
-    pieces = max(1, min(BLOCKS, count // SHORTEST_BLOCK))
+    pieces = max(1, min(EVIDENCE.blocks, count // SHORTEST_BLOCK))
     return np.array([part.sum() for part in np.array_split(own, pieces)])
 
 

@@ -15,7 +15,7 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import Family, blind
+from zwidth.diagnosis.noise.family import SLOWER, Family, blind
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -38,7 +38,6 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
-SLOWER = 1e-2  # relative to the hypothesis's own ratio
 NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the populations from there
 TELLING_TICKS = 10 * SETTLING  # least ticks of a recording by which starts are ranked

@@ -266,7 +266,7 @@ def _ended(found: Search) -> None:
     near = [
         h
         for h in found.tried.values()
-        if h is not best and not h.ended and h.cost.total - best.cost.total < Effort.near_rival
+        if h is not best and not h.ended and h.cost.total - best.cost.total < PURSUIT.near_rival
     ]
     if not near:
         return
@@ -533,7 +533,7 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
             for n in new
             if n.has_valleys
             and len(n.model.effects) == len(h.model.effects)
-            and n.cost.total - h.cost.total < Effort.hopeless
+            and n.cost.total - h.cost.total < PURSUIT.hopeless
         ]
         grown = [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
         new += grown
@@ -660,7 +660,7 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
         promising += [
             b
             for i, b in enumerate(order)
-            if (i < count and b.cost - order[0].cost < Effort.hopeless) or b.proposal.akin
+            if (i < count and b.cost - order[0].cost < PURSUIT.hopeless) or b.proposal.akin
         ]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
@@ -693,7 +693,7 @@ def _to_their_end(
         near = [
             h
             for h in near
-            if h.labels not in chosen and h.cost.total - order[0].cost.total < Effort.hopeless
+            if h.labels not in chosen and h.cost.total - order[0].cost.total < PURSUIT.hopeless
         ]
     return finished
 
@@ -715,7 +715,7 @@ def _comes_near(found: Search, h: Hypothesis) -> bool:
         return True
     explained = max(found.plain.cost.misfit - best.cost.misfit, 0.0)
     lags = h.cost.misfit - best.cost.misfit
-    return lags < max(Effort.hopeless, PURSUIT.lagging * explained)
+    return lags < max(PURSUIT.hopeless, PURSUIT.lagging * explained)
 
 
 def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
@@ -728,7 +728,7 @@ def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) 
     for h in order:
         laws = {_laws(other) for other in found}
         more = len(laws) < ended and len(found) < Effort.most_ended * ended
-        near = h.cost.total - order[0].cost.total < Effort.hopeless
+        near = h.cost.total - order[0].cost.total < PURSUIT.hopeless
         if near and (more or h.labels in akin):
             found.append(h)
     return found
