@@ -243,8 +243,10 @@ def settled(
 
     to_the_end: go on while a turn gains anything or the noise changes, by which the least cost
     moves, and along each turn's step (`_farther`). A clean machine of three masses else ended 16 in
-    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for the refit and
-    near rivals; asked for all fits, tables of a law took about four times as long.
+    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for an answer
+    without effects and for near rivals. Where physics is missing, a refit that is fitted to the end
+    imitates it: a search that began there lost the friction of a rack and of two other machines.
+    Asked for all fits, tables of a law took about four times as long.
     """
     best = _settled(begun, turns, rounds, to_the_end)
     for _ in range(FURTHER):

@@ -168,7 +168,7 @@ def search(
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
         first = judged(experiments, model, first_x(model, experiments), family)
-        plain = across(settled(first, to_the_end=True))
+        plain = across(settled(first))
     ticks = sum(e.ticks for e in experiments)
     slower = Slower(plain) if family.whitening else None
     found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
@@ -179,6 +179,9 @@ def search(
             found.best = found.keep(known)
     say("linear parameters refitted; now trying every effect")
     _until_nothing_gains(found, _rounds)
+    if found.best is found.plain:
+        with stage("refit"):
+            found.plain = found.best = found.keep(settled(plain, to_the_end=True))
     return found
 
 
