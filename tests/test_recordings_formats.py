@@ -73,9 +73,8 @@ def opened(folder: Path, data: bytes, name: str = "recording.bin") -> Source:
         (examples.protobuf_bytes(), "a", "MCAP", {"/axis.torque": U, "/axis.angle": X}),
         (examples.csv_bytes(), "a", "text table (commas)", {"t": T, "torque": U, "angle": X}),
     ],
-    ids=lambda value: (
-        value if isinstance(value, str) else ""
-    ),  # bytes that hold the time of day differ
+    # Some of the bytes hold the time of day, so they are in no name.
+    ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_every_format_is_known_by_its_content(
     tmp_path: Path, data: bytes, name: str, kind: str, signals: dict[str, NDArray[np.float64]]

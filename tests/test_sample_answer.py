@@ -104,7 +104,8 @@ def test_where_a_spring_rests_is_told_with_the_force_that_would_look_the_same(sa
     rest = Estimate(-0.3, -0.31, -0.29, "rms motions")
 
     def told(rest: Estimate) -> list[str]:
-        refit = found.linear_refit | {"origin": (0.0, rest)}
+        spring = Estimate(0.5, 0.4, 0.6, "N m/rad")
+        refit = found.linear_refit | {"k0": (0.5, spring), "origin": (0.0, rest)}
         every = assumptions(replace(found, device=sprung, linear_refit=refit), AGAIN)
         return [line for line in every if "rest position" in line]
 

@@ -314,7 +314,7 @@ def _where_the_spring_rests(diagnosis: Diagnosis) -> list[str]:
     _, moved = diagnosis.linear_refit.get("origin", (0.0, None))
     if moved is None or moved.lower <= 0.0 <= moved.upper:
         return []
-    length, force = ("rad", "N m") if diagnosis.device.rotary else ("m", "N")
+    force, _, length = diagnosis.linear_refit["k0"][1].unit.rpartition("/")
     offset = moved.value * diagnosis.experiments[0].swing
     same = with_unit(diagnosis.device.chain.ground_spring * offset, force, 3)
     return [

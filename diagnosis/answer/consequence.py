@@ -10,8 +10,8 @@ over the runs, or that of the logarithms, since some stretches show more than ot
 with the clearest difference counts.
 
 A finding is negligible if held-out data are predicted better without it, or if the interval of its
-strength includes zero effect and they are predicted as well without it. Such an effect is
-significant by its likelihood, but may not exist; it is reported as of no consequence.
+strength includes zero effect and they are predicted less than five sigma worse without it. Such an
+effect is significant by its likelihood, but may not exist; it is reported as of no consequence.
 
 Limits: a parameter that only held-out motion excites has no worth here. Errors of free runs also
 contain the noise of readings and random forces, which no finding removes.
