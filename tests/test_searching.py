@@ -975,6 +975,27 @@ def test_beside_play_what_is_believed_is_so_from_there_and_in_finer_steps(
     assert found.best.cost.total == best
 
 
+@pytest.mark.parametrize("rubs", [True, False])
+def test_the_refit_is_fitted_to_its_end_where_nothing_is_missing_and_only_after_the_search(
+    rubbed: list[Experiment], monkeypatch: pytest.MonkeyPatch, rubs: bool
+) -> None:
+    """Where friction is missing, its end imitates it. Mutations: before; always; never."""
+    ends: list[tuple[bool, bool]] = []
+
+    def fitted(h: Hypothesis, turns: int = 3, *, to_the_end: bool = False) -> Hypothesis:
+        ends.append((bool(h.model.effects), to_the_end))
+        return settled(h, turns, to_the_end=to_the_end)
+
+    monkeypatch.setattr(searching, "settled", fitted)
+    experiments = rubbed if rubs else [recording(drive(), 3000, 1)]
+    moves = only((FRICTION, {"level": 0.02}))
+    found = search(drive(), experiments, replace(QUICK, effects=1), moves=moves)
+    assert bool(found.best.model.effects) is rubs
+    refits = [end for effects, end in ends if not effects]
+    assert refits == ([False] if rubs else [False, True])
+    assert (found.best is found.plain) is not rubs
+
+
 def test_play_is_seen_of_a_device_that_waits() -> None:
     """It stands still for as long as a scan looks at. Mutation: the beginning whatever it tells."""
     made = recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))
