@@ -274,6 +274,15 @@ def test_no_infinity_in_what_is_said():
     assert not any("inf" in text.replace("information", "") for text in said)
 
 
+def waves(*periods: float) -> list[Finding]:
+    """Ripples at other places, with periods that are known to 1 %."""
+    at = ("force_ripple", "m1"), ("encoder_eccentricity", "sensor")
+    return [
+        Finding(effect, place, {"period": Estimate(p, p - 7e-4, p + 7e-4, "rad")}, 9.0, ())
+        for (effect, place), p in zip(at, periods, strict=False)
+    ]
+
+
 def test_a_reason_decides_and_the_first_counts():
     """Breaks where two of the list change places, or one is not asked."""
     fails = replace(FRICTION, regimes=(Held("forwards", "backwards", -9.0, True),))
@@ -297,7 +306,8 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.RIVALS: answer(rival),
         Reason.IMPROBABLE: answer(replace(FRICTION, with_richer=0.94)),
         Reason.DOUBTED: answer(FRICTION, left=Left(0.0, "", hint="it may be another"), refit=moved),
-        Reason.WITH_LEVEL: answer(FRICTION, with_level=True, contacts=2),
+        Reason.WITH_LEVEL: answer(FRICTION, *waves(0.0798, 0.0793), with_level=True),
+        Reason.ONE_PERIOD: answer(FRICTION, *waves(0.0798, 0.0793), contacts=2),
         Reason.TOUCHED: answer(FRICTION, contacts=2),
         Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved, contacts=1),
         Reason.LAW: answer(free=stray, law=law),
@@ -310,6 +320,12 @@ def test_a_reason_decides_and_the_first_counts():
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
     assert every[Reason.WITH_LEVEL].verdict is Verdict.CONFUSABLE
     assert "law over speed or force" in why(every[Reason.WITH_LEVEL])
+    assert every[Reason.ONE_PERIOD].verdict is Verdict.CONFUSABLE
+    assert "a force ripple at the motor and encoder eccentricity repeat with the same" in why(
+        every[Reason.ONE_PERIOD]
+    )
+    assert reason(answer(*waves(0.0798, 0.0783))) is Reason.NAMED
+    assert reason(answer(*waves(0.0798))) is Reason.NAMED
     assert every[Reason.TOUCHED].verdict is Verdict.CONFUSABLE
     assert headline(every[Reason.TOUCHED]).endswith(
         " is missing, if the 2 contacts in the recording were real"

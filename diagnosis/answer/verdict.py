@@ -45,6 +45,10 @@ class Reason(Enum):
         "a parameter that changes with the level of the command, which a law outside the library"
         " may have caused"
     )
+    ONE_PERIOD = (
+        "several named effects repeat with the same period, which one law outside the library may"
+        " have caused"
+    )
     TOUCHED = (
         "more than one contact was excluded from the fit; a law outside the library may have caused"
         " them"
@@ -70,6 +74,7 @@ VERDICTS = {
     Reason.IMPROBABLE: Verdict.CONFUSABLE,
     Reason.DOUBTED: Verdict.CONFUSABLE,
     Reason.WITH_LEVEL: Verdict.CONFUSABLE,
+    Reason.ONE_PERIOD: Verdict.CONFUSABLE,
     Reason.TOUCHED: Verdict.CONFUSABLE,
     Reason.NAMED: Verdict.IDENTIFIED,
     Reason.LINEAR: Verdict.LINEAR_PARAMETERS,
@@ -158,6 +163,21 @@ class Facts:
         return least if chance < VERDICT.sure else None
 
     @property
+    def of_one_period(self) -> list[Finding]:
+        """The named effects that repeat over position with the same period, if there are several.
+
+        Together they describe whatever repeats so: three ripples, at the sensor and in both links,
+        imitated an inertia that varies as its mass turns.
+        """
+        waves = [f for f in self.findings if "period" in f.parameters]
+        periods = [f.parameters["period"] for f in waves]
+        return [
+            f
+            for f, p in zip(waves, periods, strict=True)
+            if sum(p.lower <= q.upper and q.lower <= p.upper for q in periods) > 1
+        ]
+
+    @property
     def undecided_by_level(self) -> bool:
         """Whether another hypothesis is as good at the command's only level, but not at others."""
         error = self.free.after
@@ -208,4 +228,6 @@ def _of_names(f: Facts) -> Reason:
         return Reason.DOUBTED
     if f.with_level:
         return Reason.WITH_LEVEL
+    if f.of_one_period:
+        return Reason.ONE_PERIOD
     return Reason.TOUCHED if f.contacts > 1 else Reason.NAMED

@@ -319,7 +319,7 @@ def _headline(f: Facts, because: Reason, sized: int) -> str:
             return f"{names} may be missing: the probability{of} is only {odds}"
         case Reason.DOUBTED:
             return f"{names} {is_} missing, but {f.left.hint.partition(':')[0]}"
-        case Reason.WITH_LEVEL:
+        case Reason.WITH_LEVEL | Reason.ONE_PERIOD:
             return f"{names} {is_} missing, or a law outside the library of effects"
         case Reason.TOUCHED:
             return f"{names} {is_} missing, if the {f.contacts} contacts in the recording were real"
@@ -517,6 +517,11 @@ def why(f: Facts) -> str:
                 "a parameter changes where the level of the command does, so a law over speed or"
                 " force that is not in the library explains as much; a recording in which the level"
                 " returns to its first value tells them apart"
+            )
+        case Reason.ONE_PERIOD:
+            told = (
+                f"{all_in_words(f.of_one_period, f.masses, sized=0)} repeat with the same period,"
+                " so one law over position that is not in the library may cause all of them"
             )
         case Reason.TOUCHED:
             told = (
