@@ -233,6 +233,17 @@ def test_levels_that_hardly_differ_explain_no_change(louder_by: float):
         assert level[[0, -1]] == pytest.approx([1.0 / louder_by, 1.0])
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_command_that_falls_to_zero_has_levels(seed: int):
+    """Rounding may leave a running mean of squares below zero. Mutation: its root as it is."""
+    e = recording(12.0, 6, {})
+    command = np.random.default_rng(seed).normal(size=e.ticks)
+    level = level_of([replace(e, command=np.where(np.arange(e.ticks) < 900, command, 0.0))])
+    assert level is not None
+    assert level.max() == 1.0
+    assert level[-1] == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("shape", [DRIFT, SETTLES])
 def test_what_moves_slowly_is_no_step(shape: str):
     """Mutation that breaks it: all shapes but the step left out, or the drift turned round."""

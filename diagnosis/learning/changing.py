@@ -302,10 +302,10 @@ def level_of(experiments: Sequence[Experiment]) -> Floats | None:
     None if levels differ too little to explain a change.
     """
     each = [
-        np.sqrt(uniform_filter1d(e.command[: e.ticks] ** 2, min(NEAREST, e.ticks), mode="nearest"))
+        uniform_filter1d(e.command[: e.ticks] ** 2, min(NEAREST, e.ticks), mode="nearest")
         for e in experiments
     ]
-    level = np.concatenate(each)
+    level = np.sqrt(np.maximum(np.concatenate(each), 0.0))  # a running sum may fall below 0
     most = float(level.max())
     return level / most if np.ptp(level) > EVIDENCE.levels_differ * most else None
 
