@@ -15,6 +15,7 @@ from zwidth.diagnosis.answer.knowing_events import knowing_events
 from zwidth.diagnosis.answer.stands import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import leftover
+from zwidth.diagnosis.forces.spatial import Pull, step_peaks
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.take_in import Taken
@@ -37,6 +38,7 @@ from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.moves import stepped
 from zwidth.diagnosis.selection.search import Moves, Search
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.chain import make_chain
@@ -44,6 +46,7 @@ from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
 
 SECONDS = 4.0
+STEP = 5e-3
 
 
 def driven(force: np.ndarray | None = None, colour: float = 0.0) -> Experiment:
@@ -92,6 +95,34 @@ def test_steps_of_the_command_are_found_by_what_they_repeat():
     assert trial.gained > 30.0 + trial.price
     step = next(p for p in trial.fitted.model.effects).values["step"]
     assert step == pytest.approx(5e-3, rel=1e-3)
+
+
+def test_a_step_is_sought_again_beside_what_was_found_after_it():
+    """A step 4 % off stands for the right one. Mutation: a step that is known is not sought."""
+    problem, fitted = of("command_step", "command", step=STEP)
+    wrong = fitted.model.with_effect(make_physics("command_step", "command", step=1.04 * STEP), {})
+    paid = (("command_step@command", 7.0),)
+    there = settled(judged(problem.experiments, wrong, fitted.x, prices=paid))
+    (step,) = (proposal := next(stepped(there, QUICK))).model.effects
+    assert step.values["step"] == pytest.approx(STEP, rel=1e-3)
+    ((label, price),) = proposal.prices  # paid once
+    assert label == "command_step@command"
+    assert price > 7.0
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_step_is_found_among_levels_that_it_hardly_rounds(seed: int):
+    """Most of a command has six levels, which a saw changes by less than its mean.
+
+    Mutation: the amplitude held at one, at which the right step explains less than nothing.
+    """
+    random = np.random.default_rng(seed)
+    levels = random.choice(random.normal(0.0, 30.0, 6), 3000)
+    over = np.concatenate([levels, random.normal(0.0, 20.0, 300)])
+    saw = 4.0 * np.round(over / 4.0) - over
+    pull = Pull(random.standard_normal(over.size) - saw, random.standard_normal((4, over.size)))
+    found, _ = step_peaks([pull], [over], 0.1, -1.0)
+    assert any(p.period == pytest.approx(4.0, rel=0.01) for p in found)
 
 
 @pytest.mark.parametrize(("hold", "found"), [(0.1, True), (0.15, True), (0.4, False)])

@@ -3,7 +3,8 @@
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
 the periods of the missing force over u (`diagnosis.forces.spatial`) show which steps to try. The
 best of N steps explains 2 ln N by chance, which is its penalty. If the command has fewer levels
-than 2 ln N, some step explains anything.
+than 2 ln N, some step explains anything. Rounding jumps where steps hardly differ, so the best one
+beside some of the effects may be wrong beside all of them: it is then sought again.
 
 encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
 within some spread, so the mean of s over that spread is subtracted,
@@ -81,10 +82,11 @@ def stepped_trials(
 
 
 def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
-    """Try steps of the command."""
-    model, x = fitted.model, fitted.x
-    if model.has("command_step") or model.nominal.interface.command_step > 0.0:
+    """Try steps of the command, in place of one that was found before."""
+    if fitted.model.nominal.interface.command_step > 0.0:
         return None
+    fitted, before = _without(problem, fitted, "command_step")
+    model, x = fitted.model, fitted.x
     over = [e.command for e in problem.experiments]
     span = max(float(np.ptp(u)) for u in over)
     levels = np.unique(np.concatenate(over)).size
@@ -99,7 +101,8 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
     price = 2.0 * np.log(max(lines, 1))
     if price > levels:
         return None
-    best = _best([p.period for p in found if p.gained > price + PROMISING], span, chi2)
+    periods = [p.period for p in found if p.gained > price + PROMISING]
+    best = _best([*periods, *before], span, chi2)
     if best is None or chi2(best) > moved.chi2(fitted.white):
         return None
     physics = make_physics("command_step", "command", step=best)
@@ -110,11 +113,12 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
 def encoder_step(
     problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
 ) -> Stepped | None:
-    """Try steps of the sensor."""
-    model, x = fitted.model, fitted.x
-    known = model.has("encoder_step") or model.nominal.interface.encoder_step > 0.0
+    """Try steps of the sensor, in place of one that was found before."""
+    known = fitted.model.nominal.interface.encoder_step > 0.0
     if known or experiments[0].outputs[0].quantity != "position":
         return None
+    fitted, before = _without(problem, fitted, "encoder_step")
+    model, x = fitted.model, fitted.x
     positions = predicted(problem, fitted)
     span = max(float(np.ptp(q)) for q in positions)
     finest = max(float(problem.observer.deviation[0]), FINEST_SHARE * span)
@@ -127,12 +131,20 @@ def encoder_step(
     loss = _StepLoss(problem, fitted, tried, experiments, positions)
     price = 2.0 * np.log(max(lines, 1))
     periods = [p.period for p in found if p.gained > price + PROMISING]
-    best = _best(periods, span, lambda step: loss.chi2(step, SPREAD))
+    best = _best([*periods, *before], span, lambda step: loss.chi2(step, SPREAD))
     if best is None or loss.chi2(best, SPREAD) > loss.moved.chi2(fitted.white):
         return None
     there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
     again = fit(there, with_step(tried, "encoder_step", best), x)
     return Stepped("encoder_step@sensor", there, again, fitted.chi2 - again.chi2, price)
+
+
+def _without(problem: Problem, fitted: Fitted, name: str) -> tuple[Fitted, list[float]]:
+    """Return the fit without a step, and this step if there is one."""
+    for i, p in enumerate(fitted.model.effects):
+        if p.effect.name == name:
+            return fit(problem, *fitted.model.less(fitted.x, i)), [p.values["step"]]
+    return fitted, []
 
 
 class _Moved:

@@ -226,11 +226,15 @@ def _arrived(h: Hypothesis, wide: Model, x: Floats) -> Hypothesis | None:
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with steps of the command or the sensor, or with lost commands."""
+    """Yield the hypothesis with steps of the command or the sensor, or with lost commands.
+
+    A step that it has is sought again beside its other effects.
+    """
     if h.slopes is None:
         return
     for trial in stepped_trials(h.problem, h.fitted, h.experiments):
-        model, prices = trial.fitted.model, (*h.prices, (trial.label, trial.price))
+        model, others = trial.fitted.model, [p for p in h.prices if p[0] != trial.label]
+        prices = (*others, (trial.label, trial.price))
         seen = trial.problem.experiments
         yield Proposal(seen, model, trial.fitted.x, h.family, prices=prices)
 
