@@ -59,6 +59,14 @@ def test_what_free_runs_need_is_not_nothing(times: float, sigma: float) -> None:
     assert may_be_nothing(known) is not (times > 1.0 and sigma > 5.0)
 
 
+@pytest.mark.parametrize(("least", "nothing"), [(0.002, False), (-0.001, True)])
+def test_friction_that_holds_at_rest_is_something(least: float, nothing: bool) -> None:
+    """Though none may be left in motion. Mutation: the first of its magnitudes alone."""
+    level, rest = Estimate(1e-3, -1e-3, 3e-3, "N m"), Estimate(3e-3, least, 6e-3, "N m")
+    values = {"level": level, "static_level": rest, "velocity": Estimate(0.3, 0.1, 0.5, "rad/s")}
+    assert may_be_nothing(Finding("stribeck_friction", "m2", values, 9.0, ())) is nothing
+
+
 def test_worth_and_no_consequence_in_words() -> None:
     f = finding(0.01, 0.02)
     assert worth_in_words(f) == ""

@@ -9,9 +9,10 @@ error is compared with that of the answer,
 over the runs, or that of the logarithms, since some stretches show more than others. The length
 with the clearest difference counts.
 
-A finding is negligible if held-out data are predicted better without it, or if the interval of its
-strength includes zero effect and they are predicted less than five sigma worse without it. Such an
-effect is significant by its likelihood, but may not exist; it is reported as of no consequence.
+A finding is negligible if held-out data are predicted better without it, or if the intervals of all
+its magnitudes include zero effect and they are predicted less than five sigma worse without it.
+Such an effect is significant by its likelihood, but may not exist; it is reported as of no
+consequence.
 
 Limits: a parameter that only held-out motion excites has no worth here. Errors of free runs also
 contain the noise of readings and random forces, which no finding removes.
@@ -82,10 +83,11 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 def may_be_nothing(finding: Finding) -> bool:
     """Whether held-out data reject a finding, or are none the worse without it and it may be zero.
 
-    An interval is that of a quadratic form, which a strength beside a similar effect may leave: of
-    a pendulum beside a spring that stiffens it contained zero, but free runs had errors 51 times as
-    large without it. They decide at five sigma: a resonance beside a known arm that did not exist
-    was worth 5 %.
+    It may be zero if all its magnitudes may: Stribeck friction may lack its level in motion and
+    still hold a mass at rest. An interval is that of a quadratic form, which a strength beside a
+    similar effect may leave: of a pendulum beside a spring that stiffens it contained zero, but
+    free runs had errors 51 times as large without it. They decide at five sigma: a resonance beside
+    a known arm that did not exist was worth 5 %.
 
     Held-out data reject it if free runs err less without it, and over no horizon more. Of the
     effects named on 60 sealed recordings two were rejected, and neither existed. For effects that
@@ -97,9 +99,10 @@ def may_be_nothing(finding: Finding) -> bool:
         return True
     if worth is not None and worth.times > 1.0 and worth.sigma > VERDICT.apart:
         return False
-    effect = EFFECTS[finding.effect]
-    name = effect.strength
-    if name is None or name not in finding.parameters:
-        return False
-    e, none = finding.parameters[name], effect.parameter(name).none_of_it()
-    return e.lower <= none <= e.upper
+    sizes = [
+        (finding.parameters[p.name], p.none_of_it())
+        for p in EFFECTS[finding.effect].parameters
+        if p.role in ("magnitude", "strength") and p.neutral is not None
+        if p.name in finding.parameters
+    ]
+    return bool(sizes) and all(e.lower <= none <= e.upper for e, none in sizes)
