@@ -212,6 +212,32 @@ def test_a_recording_that_is_fitted_does_not_judge(
     assert said.count("\n") == 1
 
 
+def test_a_recording_in_which_nothing_moves_does_not_judge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation that breaks it: the error let through, by which there was no answer at all."""
+    write(tmp_path, 0.3)
+    monkeypatch.chdir(tmp_path)
+    rows = Path("swing.csv").read_text().splitlines()
+    still = [rows[0], *(f"{row.split(',')[0]},0" for row in rows[1:]), ""]
+    Path("still.csv").write_text("\n".join(still))
+    Path("still.toml").write_text(Path("swing.toml").read_text().replace("swing", "still"))
+    judged_by: list[object] = []
+
+    def diagnose(*asked: object) -> Diagnosis:
+        judged_by.append(asked[2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(zwidth.diagnose_files, "diagnose", diagnose)
+    line = ["diagnose", "swing.toml", "--device", "known.toml", "--validate", "still.toml"]
+    assert run(line) == 130
+    assert judged_by == [None]
+    assert (
+        "still.toml cannot judge the answer (channel 'position_m1' is constant at 0); the last 30 %"
+        " of each recording do"
+    ) in " ".join(capsys.readouterr().err.split())
+
+
 def test_absurd_values_end_in_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -20,7 +20,7 @@ from zwidth.diagnosis.answer.words import negligible_in_words, own_parameter, wo
 from zwidth.diagnosis.compiled import compiled
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
-from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.diagnosis.recording.experiment import Experiment, StandsStill, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis_marks import marks_of
@@ -105,7 +105,7 @@ def diagnose_files(
             asked = Asked(console, recordings, read, device, name, out, line, wall, assumed)
             fit_on = _stretches(fitted_to, device)
             judged_by = arms(console, _traces(console, validate, read))
-            judge_by = [e for _, e in _stretches(judged_by, device)] or None
+            judge_by = _judges(console, judged_by, device)
             logs = _log_files(out, [path for path, _ in fit_on])
             console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
             say, tries = _timed(console), EFFORTS[effort]
@@ -431,6 +431,23 @@ def _stretches(
     if traces and not found:
         raise ValueError("none of the recordings can be read, as said above")
     return found
+
+
+def _judges(
+    console: Console, traces: Sequence[tuple[Path, Trace]], device: Device
+) -> list[Experiment] | None:
+    """Return the recordings to judge by, None for parts of those that are fitted.
+
+    One in which nothing moves has no motion of which an error would be a share.
+    """
+    try:
+        return [e for _, e in _stretches(traces, device)] or None
+    except StandsStill as still:
+        console.warn(
+            f"{traces[0][0].name} cannot judge the answer ({str(still).rpartition(';')[0]}); the"
+            " last 30 % of each recording do"
+        )
+        return None
 
 
 def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:

@@ -61,6 +61,10 @@ class ExperimentError(ValueError):
     """A recording that cannot be diagnosed; the sentence gives advice."""
 
 
+class StandsStill(ExperimentError):
+    """A recording in which an output never changes."""
+
+
 @dataclass(frozen=True)
 class Output(Valued):
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
@@ -516,7 +520,9 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     try:
         whole = experiment(kept, device, name)
     except ExperimentError as error:
-        raise ExperimentError(f"{lacking}; without them {error}" if lacking else error) from None
+        if not lacking:
+            raise
+        raise type(error)(f"{lacking}; without them {error}") from None
     if lacking:
         first = float(kept.t[0] - trace.t[0])
         whole = replace(whole, begins=first, notes=(*whole.notes, lacking))
@@ -635,6 +641,7 @@ def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:
     for name, values in channels:
         _refuse_unknown(name, values)
         if np.ptp(values) == 0.0:
-            raise ExperimentError(
-                f"channel {name!r} is constant at {values[0]:g}; record while the device moves"
+            raise StandsStill(
+                f"channel {name!r} is constant at {values[0] + 0.0:g}; record while the device"
+                " moves"
             )
