@@ -343,6 +343,22 @@ def test_a_change_competes_with_names_that_were_refused():
     assert found.tried.best is plain
 
 
+@pytest.mark.parametrize(
+    ("shape", "lower", "none"), [(STEP, -5e-3, True), (STEP, 1e-4, False), (EACH, -5e-3, False)]
+)
+def test_a_change_that_may_be_none_is_none(shape: str, lower: float, none: bool):
+    """Several values of their own are no difference of two. Mutation: of these too, or of none."""
+    h, _ = step()
+    suspect = suspected(h)
+    assert suspect is not None
+    new = varied(h, suspect)
+    assert new is not None
+    change = change_of(new, h.experiments)
+    assert not change.may_be_none
+    wide = replace(change.by, value=1e-3, lower=lower, upper=1e-2)
+    assert replace(change, shape=shape, by=wide).may_be_none is none
+
+
 def test_a_change_goes_with_the_name_that_it_is_of():
     """Mutation that breaks it: changes kept whatever the answer lost."""
     h, _ = step()

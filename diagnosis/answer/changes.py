@@ -212,6 +212,15 @@ class Change(Valued):
         """Whether the intervals of both values do not overlap."""
         return self.before.upper < self.after.lower or self.after.upper < self.before.lower
 
+    @property
+    def may_be_none(self) -> bool:
+        """Whether the interval of the change contains zero, though the fit is better with it.
+
+        What hardly shows after a change, as friction at rest in a short part, may be anything: it
+        "rose by 100 mN m (-500 to 100)" on a machine whose friction was constant.
+        """
+        return self.shape != EACH and self.by.lower <= 0.0 <= self.by.upper
+
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
         names = "constant", "changing"
@@ -301,6 +310,9 @@ def _one_more(
         say("a changing parameter explains no more than a constant one: dropped")
         return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
+    if change.may_be_none:
+        say("a change that may be none: dropped")
+        return None
     with_rivals = as_found(device, tried)
     again = replace(with_rivals, held=found.held, far=found.far, beside=found.beside)
     return again, replace(taken, judge_by=judge_by), change
@@ -432,6 +444,8 @@ def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Cha
     if new is None:
         return None
     change = change_of(new, taken.whole, None)
+    if change.may_be_none:
+        return None
     until = round(new.suspect.at) - first
     if until >= RUNS * window(held):
         kept = replace(held.part(0, until), before=held.before)
