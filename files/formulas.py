@@ -59,7 +59,7 @@ def refuse_endless(formula: str) -> None:
             raise deep
         if isinstance(node, ast.Constant) and not _finite(node.value):
             raise ValueError(
-                "formula has a number beyond 1.8e308, the largest one there is; write it smaller"
+                "formula has a number above 1.8e308, the largest possible; write a smaller one"
             )
         order += (within := _within(node))
         depths += [depth + 1] * len(within)

@@ -101,7 +101,7 @@ def reference_start(device: Device) -> Start:
 def relay_run(
     device: Device, damping: float, start: Start | None = None, test: RelayTest = STANDARD
 ) -> RelayResult:
-    """Run one relay experiment at the device's delay until it is steady, grows, or time is up."""
+    """Run a relay experiment with the device's delay until it is steady or grows, or time is up."""
     start = reference_start(device) if start is None else start
     return run(equations(device, test.substeps), damping, start, test)
 

@@ -69,7 +69,7 @@ def sheets_apart(data: bytes, most: int) -> list[tuple[str, str]]:
             line, input=data, capture_output=True, timeout=2 * SECONDS, check=False
         )
     except subprocess.TimeoutExpired:
-        raise NotRead(f"its reader was not done after {2 * SECONDS} s") from None
+        raise NotRead(f"reading it takes more than {2 * SECONDS} s") from None
     if done.returncode == REFUSED:
         raise NotRead(done.stderr.decode("utf-8", "replace").strip())
     if done.returncode:

@@ -94,7 +94,7 @@ class Source:
 
 @dataclass
 class Collector:
-    """Signals as a reader meets them: arrays of any shape in, named rows of numbers out."""
+    """The signals of a file: from arrays of any shape to named rows of numbers."""
 
     index: str = "{name}[{k}]"  # how the k-th signal of a matrix is called, k from first
     first: int = 0

@@ -1,4 +1,4 @@
-"""A SQLite3 file read as plain tables: it computes nothing, and nothing in it outgrows the file.
+"""A SQLite3 file read as plain tables: it runs no code, and no table is larger than the file.
 
 A table of SQLite may be a view, also an endless one, have columns that are computed as they are
 read, or pages that are read many times over. So only ordinary tables are read here, what is read of

@@ -254,6 +254,6 @@ def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float
                 )
     if both := found[0].keys() & found[1].keys():
         raise DeviceError(
-            f"{table.path} of the recording gives {min(both)} both as times and as more; keep one"
+            f"{table.path} of the recording has {min(both)} in both `times` and `more`; keep one"
         )
     return found[0], found[1]

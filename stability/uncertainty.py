@@ -3,8 +3,8 @@
 Parameters are drawn from the normal distribution of their logarithms (of the delay itself where it
 was fitted), K_CR is computed for each draw, and the band is the middle 95 % of the results. No
 linearisation is used, so the band is also right near a corner, where K_CR has no derivative. A draw
-without a stable K counts as 0. Limit: with n draws the ends of the band are uncertain by some
-1/sqrt(n).
+without a stable K counts as 0. Limitation: with n draws, the ends of the band are uncertain by
+about 1/sqrt(n).
 """
 
 from collections.abc import Iterable, Sequence

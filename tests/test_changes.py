@@ -211,7 +211,7 @@ def test_what_a_run_adds_to_an_effect_that_is_to_be_found_is_put_on_whatever_is_
         ({"at": "m1", "times": {"level": 0.0}}, "level of the recording is 0; it must be a number"),
         (
             {"at": "m1", "times": {"level": 2.0}, "more": {"level": 2.0}},
-            "both as times and as more",
+            "in both `times` and `more`",
         ),
         ({"at": "command", "more": {"level": 1.0}}, "gravity_pendulum@command, which is unknown"),
     ],

@@ -234,7 +234,7 @@ def test_a_recording_in_which_nothing_moves_does_not_judge(
     assert judged_by == [None]
     assert (
         "still.toml cannot judge the answer (channel 'position_m1' is constant at 0); the last 30 %"
-        " of each recording do"
+        " of each recording are used instead"
     ) in " ".join(capsys.readouterr().err.split())
 
 

@@ -445,7 +445,7 @@ def _judges(
     except StandsStill as still:
         console.warn(
             f"{traces[0][0].name} cannot judge the answer ({str(still).rpartition(';')[0]}); the"
-            " last 30 % of each recording do"
+            " last 30 % of each recording are used instead"
         )
         return None
 

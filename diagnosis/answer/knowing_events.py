@@ -209,7 +209,7 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 
 
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
-    say(f"one-time events are checked: continuing the search from {tried.best.model.label}")
+    say(f"one-time events have been checked; the search continues from {tried.best.model.label}")
     searched_on(tried)
     return replace(_held(tried), far=found.far)
 

@@ -255,8 +255,8 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
         both = _shaped(full, against(full, alone).phi, site)
         if both.cost.total < h.cost.total:
             say(
-                f"{one.effect.name} and a small rest explain the motion better than a learned law"
-                " alone: law dropped"
+                f"{one.effect.name} and a small remainder explain the motion better than a learned"
+                " law alone: the law is dropped"
             )
             return True
     return False

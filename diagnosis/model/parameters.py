@@ -528,8 +528,8 @@ class Model:
     def plain(self, experiment: Experiment) -> Experiment:
         """Return a recording as the model reads it at any x.
 
-        Lost commands are replaced, the command is rounded to its steps, and errors of the sensor's
-        steps and the device's own origin are subtracted. Steps are applied here and not in the
+        Lost commands are replaced, the command is rounded to its steps, and the sensor's rounding
+        errors and the device's own origin are subtracted. Steps are applied here and not in the
         device, since inside a fit they would turn every slope into noise.
         """
         measured, command = experiment.measured, experiment.command

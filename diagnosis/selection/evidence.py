@@ -14,7 +14,7 @@ a range each, from zero to the largest plausible value. With one parameter of st
 the second line is 2 ln (range / sigma) - ln 2 pi. Linear parameters are in all hypotheses, so their
 constant terms are left out.
 
-H' is believed over H if it costs less by more than 2 ln (1 / ALPHA): the only threshold.
+H' is believed over H if its cost is lower by more than 2 ln (1 / ALPHA): the only threshold.
 
 If no hypothesis is true (real machines), a likelihood ratio is overconfident: the gain of one over
 the other comes from few stretches, and has different signs in different places. The gain is summed

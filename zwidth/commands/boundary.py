@@ -117,7 +117,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     """Find the stability boundary of a device under a sampled virtual wall.
 
     DEVICE is a shipped device or a device file. Says how stiff a wall may be at each delay, draws
-    the boundaries, and logs two runs for each: just below and just above its highest point.
+    the boundaries, and logs two runs of each: just below and just above its highest stiffness.
     """
     console = Console(json_file)
     device = load_device(name)

@@ -57,8 +57,8 @@ class Checking(click.Command):
 @click.option("--joint", metavar="INDEX|NAME",
               help="The joint to check, if a LOG has several; also that of --model.")  # fmt: skip
 @click.option("--diagnose", "search", is_flag=True,
-              help="If a LOG is outside, also search for what is missing, as 'zwidth diagnose'"
-              " does; this takes minutes.")  # fmt: skip
+              help="If a LOG is outside the band, also search for what is missing, as"
+              " 'zwidth diagnose' does; this takes minutes.")  # fmt: skip
 @click.option("--rebase", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
               help="Do not check: measure the errors of free runs on LOG, and write DEVICE to FILE"
               " with these errors as its band. Useful for a --model with larger"
@@ -83,9 +83,9 @@ def command(
     errors that free runs may have. LOG is any recording that 'zwidth diagnose' can read.
 
     Exit status: 0 if the errors of all LOGs are within the band, 1 if a LOG is outside, 2 for bad
-    input, 3 if the check itself failed, such as for a full disk. If a LOG is outside, the
-    parameters of DEVICE are refitted, and one sentence says which changed. With --diagnose, missing
-    physics is searched for, too; the results go to --out.
+    input, 3 if the check itself failed, such as for a full disk. If a LOG is outside
+    the band, the parameters of DEVICE are refitted, and one sentence says which changed. With
+    --diagnose, missing physics is searched for, too; the results go to --out.
     """
     from zwidth.checking import check, rebased
     from zwidth.console import Console

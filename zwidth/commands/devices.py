@@ -240,7 +240,7 @@ def _settings(console: Console, device: Device) -> None:
             console.say(f"{what} known to {100.0 * value:g} % (one sigma)")
     if known.zeros != USUAL.zeros:
         unit = "rad" if device.rotary else "m"
-        console.say(f"zeros of position sensors known to {known.zeros:g} {unit} (one sigma)")
+        console.say(f"zero offsets of position sensors known to {known.zeros:g} {unit} (one sigma)")
     for physics in device.physics:
         values = ", ".join(f"{key} {value:g}" for key, value in physics.values.items())
         console.say(f"{place_label(physics)}: {in_points(physics) or values}")

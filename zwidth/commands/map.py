@@ -109,9 +109,9 @@ def command(
     """Map the outcome of runs over two quantities, with the linear boundary drawn over it.
 
     DEVICE is a shipped device or a device file. A run comes to rest, grows, or dithers: the steps
-    of the encoder or the command sustain an oscillation, which a hand feels or not. Finished parts
-    are kept in --out: after an interruption, the same command continues where it stopped, here or
-    on a cluster.
+    of the encoder or the command sustain an oscillation, whether a hand feels it or not. Finished
+    parts are kept in --out: after an interruption, the same command continues where it stopped,
+    here or on a cluster.
     """
     console = Console(json_file)
     _refuse_idle_options(context, options)

@@ -16,7 +16,7 @@ GREYS = (("0.4", "-"), ("0.4", (0, (2, 1.2))))
 
 @dataclass(frozen=True)
 class Simulated:
-    """A boundary in the time domain: stiffness over damping, both (n,), nan for no stable K."""
+    """A boundary in the time domain: K for each damping, both (n,), nan if no K is stable."""
 
     label: str
     damping: Floats

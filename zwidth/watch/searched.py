@@ -45,7 +45,7 @@ class Searched:
 
 
 def first_device(spool: Path, description: Description | None, name: str) -> tuple[Device, Any]:
-    """Return a device that is fitted to what has come, and what is to be said of it.
+    """Return a device that is fitted to the data so far, and messages about it.
 
     Raises ValueError if it does not say what a device is.
     """
