@@ -16,7 +16,7 @@ from zwidth.diagnosis.intake.take_in import Taken, judged_anew, likeliest, misre
 from zwidth.diagnosis.intake.units import nearest_unit, sentence, unit_of
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged
 from zwidth.diagnosis.selection.search import Search, search
@@ -324,6 +324,19 @@ def test_recordings_to_judge_by_are_corrected_by_what_was_found():
     assert [f.recording for f in anew.faults if f.wrong] == ["turned"]
     (both,) = readings(phantom(), [replace(fit, command=-fit.command)], [turned])
     assert np.array_equal(both.judge_by[0].command, judge.command)
+
+
+@pytest.mark.parametrize("judges", [False, True])
+def test_recordings_with_other_outputs_are_refused(judges: bool):
+    """Their columns would be mixed up. Mutation: only the recordings to fit are compared."""
+    first = record(phantom(), 2.0, seed=5)
+    twice = np.column_stack([first.measured, np.gradient(first.measured[:, 0], 1e-3)])
+    more = (*OUTPUTS, Output("velocity", 0))
+    second = replace(first, measured=twice, outputs=more, name="second")
+    second.measured[:, 1] += np.random.default_rng(0).normal(size=first.ticks)  # of its own
+    says = r"second has position_m1 and velocity_m1, but \w+ has position_m1; .* the same outputs"
+    with pytest.raises(ExperimentError, match=says):
+        readings(phantom(), [first] if judges else [first, second], [second] if judges else None)
 
 
 def test_units_are_named():

@@ -311,7 +311,7 @@ def _one_more(
         return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
     if change.may_be_none:
-        say("a change that may be none: dropped")
+        say("a change whose interval contains zero: dropped")
         return None
     with_rivals = as_found(device, tried)
     again = replace(with_rivals, held=found.held, far=found.far, beside=found.beside)

@@ -127,6 +127,7 @@ def readings(
     with isolated("gate", "velocities that are counts"):
         measured = as_counted(device, measured)
         device = open_zeros(device, measured)
+    _refuse_other_outputs(measured)
     experiments, judging = measured[: len(experiments)], measured[len(experiments) :]
     passed = _each(experiments, looked_at)
     others = _each(judging, looked_at) if judging else []
@@ -145,6 +146,18 @@ def readings(
         return _taken(device, looked, places, way, judges, whole, len(experiments))
 
     return [taken(way) for way in ways]
+
+
+def _refuse_other_outputs(experiments: Sequence[Experiment]) -> None:
+    """Raise ExperimentError unless all recordings have the same outputs, in the same order."""
+    first, *others = experiments
+    for e in others:
+        if e.outputs != first.outputs:
+            own, had = (" and ".join(o.name for o in each.outputs) for each in (e, first))
+            raise ExperimentError(
+                f"{e.name} has {own}, but {first.name} has {had}; recordings that are diagnosed"
+                " together need the same outputs: leave the others out of the recordings' TOML"
+            )
 
 
 @dataclass(frozen=True)
