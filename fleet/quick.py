@@ -12,7 +12,7 @@ not pull the fleet towards the typical device. Errors hold for a coloured residu
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -154,8 +154,7 @@ def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quic
     """Return the results of a fit as a `Quick`."""
     model, x = h.model, h.x
     values, errors, spread = estimates(h)
-    observer, (start,) = h.noise.observer, h.noise.starts
-    begun = replace(e, start=start)
+    observer, (begun,) = h.noise.observer, h.problem.experiments
     device: Device = model.acting(x)
     with np.errstate(all="ignore"):
         errors_of, signal = free_run_errors(device, model.seen(begun, x), observer.gain, window(e))

@@ -60,7 +60,7 @@ class _FreeRuns:
         noise = judged([e], model, x).noise
         self.model, self.x, self.device = model, x, model.acting(x)
         self.gain, self.window = noise.observer.gain, window(e)
-        self.begun = replace(e, start=noise.starts[0])
+        (self.begun,) = noise.problem([e]).experiments
         self.known = np.ones(e.ticks) if e.strengths is None else e.strengths
 
     def error(self, first: int, last: int) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.gaps import steadily
 from zwidth.diagnosis.noise.predictor import Observer, innovations, whitened
 from zwidth.diagnosis.noise.settle import refit

@@ -9,8 +9,8 @@ from fitting_examples import drive, play, recording
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise import family
-from zwidth.diagnosis.noise.beginning import begun, by_own_slopes
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, as_far_as, likeliest, noises
+from zwidth.diagnosis.noise.beginning import by_own_slopes
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, as_far_as, begun, likeliest, noises
 from zwidth.diagnosis.noise.predictor import innovations
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.physics import make_physics
@@ -44,9 +44,11 @@ def test_what_is_behind_play_begins_on_its_side() -> None:
     for begin in (300, 350, 400, 450, 500):
         e, beside = motor_alone(begin)
         linear = min(noises([e], model, x), key=lambda n: n.cost)
-        assert abs(linear.starts[0][1] - linear.starts[0][0]) < 0.1 * GAP  # in the middle
+        assert (
+            abs(linear.courses[0].start[1] - linear.courses[0].start[0]) < 0.1 * GAP
+        )  # in the middle
         own = likeliest([e], model, x)
-        m1, m2 = own.starts[0][:2]
+        m1, m2 = own.courses[0].start[:2]
         found += own.cost < linear.cost - 20.0 and abs(m2 - m1 - beside) < 0.1 * GAP
     assert found >= 4
 
@@ -87,7 +89,7 @@ def test_a_device_with_further_states_begins_too(more: Physics) -> None:
     far = as_far_as(0.05, [e])
     (linear,) = noises([e], model, x, far)
     own = likeliest([e], model, x, far)
-    assert own.starts[0].shape == linear.starts[0].shape
+    assert own.courses[0].start.shape == linear.courses[0].start.shape
     assert own.cost < linear.cost
 
 
@@ -118,7 +120,7 @@ def test_what_has_no_play_begins_as_a_linear_device_does(monkeypatch: pytest.Mon
 
     monkeypatch.setattr("zwidth.diagnosis.noise.beginning._nearest", never)
     found = likeliest([e], model, x)
-    assert np.array_equal(found.starts[0], expected.starts[0])
+    assert np.array_equal(found.courses[0].start, expected.courses[0].start)
     assert found.cost == expected.cost
 
 
@@ -131,7 +133,7 @@ def test_a_beginning_that_gains_nothing_is_the_linear_one(monkeypatch: pytest.Mo
     monkeypatch.setattr(
         "zwidth.diagnosis.noise.beginning._nearest", lambda _, begin, __: begin + 1.0
     )
-    start = best.starts[0]
+    start = best.courses[0].start
     assert by_own_slopes(model.acting(x), e, best.observer, start) is start
     monkeypatch.setattr(family, "by_own_slopes", lambda _d, _e, _o, linear: linear)
     ratio = best.observer.ratio

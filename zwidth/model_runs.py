@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.band import Windows
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth import Diagnosis
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import SETTLING, driven, innovations
 from zwidth.diagnosis.recording.experiment import Experiment
 

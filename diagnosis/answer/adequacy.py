@@ -55,7 +55,8 @@ from zwidth.diagnosis.answer.coherence import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun, begun_as, with_play
+from zwidth.diagnosis.noise.beginning import begun_as, with_play
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,

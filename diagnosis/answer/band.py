@@ -30,7 +30,7 @@ from scipy.stats import t as student
 
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.gaps import Gain
 from zwidth.diagnosis.noise.predictor import (
     Observer,

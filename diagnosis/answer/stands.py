@@ -24,7 +24,8 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import BENT, FACTORED, Model, effect_labels
-from zwidth.diagnosis.noise.beginning import begun, begun_as
+from zwidth.diagnosis.noise.beginning import begun_as
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import FINAL
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment

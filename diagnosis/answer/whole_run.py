@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from zwidth.diagnosis.answer.held_out import models_of, told_of
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import Observer, memory_at, prepared
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from zwidth.diagnosis.model.parameters import Model, Varying
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,

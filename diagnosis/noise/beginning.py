@@ -141,18 +141,10 @@ class Beginnings:
         return found
 
 
-def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
-    """Return the recording with the initial state of the observer."""
-    if experiment.before is not None:
-        return replace(experiment, before=begun(device, experiment.before, observer))
-    (linear,) = Beginnings(experiment.on(device), [observer.gain]).of(experiment)
-    return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
-
-
 def begun_as(e: Experiment, other: Experiment) -> Experiment:
     """Return a recording with the initial state of another version of it, without a search."""
     if e.before is None or other.before is None:
-        return replace(e, start=other.start)
+        return replace(e, start=other.start, phases=other.phases)
     return replace(e, before=begun_as(e.before, other.before))
 
 
@@ -260,7 +252,7 @@ def innovations_each(
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)
-    wide, columns = along(gains, experiment.bridged)
+    wide, columns = along(gains, experiment.bridged, experiment.phases)
     recorded = Recorded(
         experiment.command, experiment.readings, experiment.places(population), force,
         strengths=experiment.strengths, uncounted=experiment.uncounted, columns=columns,

@@ -9,6 +9,7 @@ observers, so they are lanes of one population: the same device with different g
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +18,26 @@ from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import Beginnings, by_own_slopes, with_play
-from zwidth.diagnosis.noise.gaps import Gain, returning
+from zwidth.diagnosis.noise.gaps import Changing, Gain, Phases, changing, steadily
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
     Observer,
+    in_phases,
     innovations,
     prepared,
     told,
     whitened,
 )
-from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, steady_gains, with_apart
+from zwidth.diagnosis.noise.steady import (
+    NoObserver,
+    is_unseen_behind_play,
+    links_with_play,
+    steady_gains,
+    with_apart,
+)
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 # From trusting the device almost fully to hardly at all. At 1e-10 an observer of positions
@@ -36,6 +45,7 @@ Floats = NDArray[np.float64]
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
 SLOWER = 1e-2  # of the likeliest ratio, of an observer that leaves more of missing physics to see
+WORTH = 1.0  # in -2 ln, for which phases are sought again
 NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
 
@@ -82,23 +92,37 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
     return Family(((first.period / horizon) ** power,), whitening=False)
 
 
+class Course(NamedTuple):
+    """What an observer found of a recording.
+
+    start (2n,): the addition to positions and velocities at its beginning; phases (ticks,): as in
+    `Experiment`.
+    """
+
+    start: Floats
+    phases: Phases | None = None
+
+
 @dataclass(frozen=True)
 class Noise:
-    """The noise model of a hypothesis: its observer, and the observer's initial state.
+    """The noise model of a hypothesis: its observer, and what that found of each recording.
 
-    starts: for each recording, the addition to positions and velocities (2n,) at its beginning.
     cost: -2 log likelihood, up to a constant. weighed: the weighted innovations (samples,).
     """
 
     observer: Observer
-    starts: tuple[Floats, ...]
+    courses: tuple[Course, ...]
     cost: float
     weighed: Floats
 
     def problem(self, experiments: Sequence[Experiment]) -> Problem:
         """Return the recordings under this model of their noise."""
-        known = [replace(e, start=s) for e, s in zip(experiments, self.starts, strict=True)]
-        return Problem(known, self.observer, SEARCHING)
+        return Problem(_as(experiments, self.courses), self.observer, SEARCHING)
+
+
+def _as(experiments: Sequence[Experiment], courses: Sequence[Course]) -> list[Experiment]:
+    each = zip(experiments, courses, strict=True)
+    return [replace(e, start=b.start, phases=b.phases) for e, b in each]
 
 
 def likeliest(
@@ -106,59 +130,51 @@ def likeliest(
     model: Model,
     x: Floats,
     family: Family = NEXT_SAMPLE,
-    begun: Sequence[Floats] | None = None,
+    begun: Sequence[Course] | None = None,
 ) -> Noise:
     """Return the most likely noise model; raises NoObserver if no observer is possible.
 
-    begun: with play, initial states of a similar model, so that they need not be sought again.
+    begun: with play, what an observer of a similar model found, so that it need not be sought
+    again.
     """
+    began = _Began(experiments, model, x, family)
+    known = begun is not None and all(c.phases is not None for c in begun)
     with reason("noise"):
-        found = noises(experiments, model, x, family)
+        found = began.noises(family, begun) if begun and known else began.linear()
     if not found:
         raise NoObserver(
             f"no observer of this device ({model.label}) predicts the recordings; check sign, scale"
             " and units of the command, of forces that were recorded, and of the outputs"
         )
     best = min(found, key=lambda noise: noise.cost)
+    if not with_play(began.device.physics):
+        return best
     with reason("beginnings"):
-        own = _begun_with_play(experiments, model, x, family, best, begun)
-    return best if own is None or own.cost > best.cost else own
+        if not known:
+            best = began.better(best, begun or began.starts(best))
+        if not began.comes_apart or (begun and not known):
+            return best
+        near, cost = family, math.inf
+        while best.cost < cost - WORTH:
+            cost = best.cost
+            asked = began.noises(near, began.in_phases(best))
+            best = min([best, *asked], key=lambda noise: noise.cost)
+            near = near.near(best.observer.ratio)
+        return best
 
 
 def noises(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> list[Noise]:
-    """Return the noise models with which the device at x can be followed."""
-    ratios = np.array(family.ratios)
-    device = model.acting(x)
-    seen = [model.seen(e, x) for e in experiments]
-    bare = device.bare()
-    gains = steady_gains([bare] * ratios.size, seen[0], ratios)
-    if links := links_with_play(device):
-        gains = with_apart(bare, links, seen[0], gains)
-    each = [
-        (ratio, returning(bare, seen, ratio, gain))
-        for ratio, gain in zip(ratios.tolist(), gains, strict=True)
-        if np.all(np.isfinite(gain))
-    ]
-    if not each:
-        return []
-    usable = [gain for _, gain in each]
-    begins = {id(e.changes): Beginnings(e.on(device), usable) for e in seen}
-    asked = [(begins[id(e.changes)], e) for e in seen]
-    followed = [(starts := b.of(e), b.followed(e, starts)) for b, e in asked]
-    found: list[Noise | None] = []
-    for i, (ratio, gain) in enumerate(each):
-        starts, errors = [b[i] for b, _ in followed], [e[i] for _, e in followed]
-        found.append(_noise(gain, ratio, family, starts, errors, experiments))
-    return [noise for noise in found if noise is not None]
+    """Return the noise models with which the device at x can be followed, by steady observers."""
+    return _Began(experiments, model, x, family).linear()
 
 
 def _noise(
     gain: Gain,
     ratio: float,
     family: Family,
-    starts: Sequence[Floats],
+    courses: Sequence[Course],
     errors: Sequence[Floats],
     experiments: Sequence[Experiment],
 ) -> Noise | None:
@@ -179,35 +195,114 @@ def _noise(
         ]
     )
     cost = white.cost(weighed)
-    return Noise(white, tuple(starts), cost, weighed) if np.isfinite(cost) else None
+    return Noise(white, tuple(courses), cost, weighed) if np.isfinite(cost) else None
 
 
-def _begun_with_play(
-    experiments: Sequence[Experiment],
-    model: Model,
-    x: Floats,
-    family: Family,
-    noise: Noise,
-    begun: Sequence[Floats] | None,
-) -> Noise | None:
-    """The noise with the initial states that play needs; None if these are the same."""
-    if not with_play((*model.nominal.physics, *model.effects)):
-        return None
-    device = model.acting(x)
-    seen = [model.seen(e, x) for e in experiments]
-    observer = noise.observer
-    starts = begun or [
-        by_own_slopes(device, e, observer, s) for e, s in zip(seen, noise.starts, strict=True)
-    ]
-    if all(now is before for now, before in zip(starts, noise.starts, strict=True)):
-        return None
-    plain = prepared(device, SEARCHING)
-    ready = [plain if e.changes is None else prepared(e.on(device), SEARCHING) for e in seen]
-    errors = [
-        innovations(device, replace(e, start=start), observer.gain, ready=one)
-        for e, start, one in zip(seen, starts, ready, strict=True)
-    ]
-    return _noise(observer.gain, observer.ratio, family, starts, errors, experiments)
+class _Began:
+    """What observers of a device find of recordings."""
+
+    def __init__(
+        self, experiments: Sequence[Experiment], model: Model, x: Floats, family: Family
+    ) -> None:
+        self.experiments, self.family, self.device = experiments, family, model.acting(x)
+        self.seen = [model.seen(e, x) for e in experiments]
+        self.comes_apart = is_unseen_behind_play(self.device, self.seen[0])
+
+    def gains(self, ratios: Sequence[float], *, apart: bool) -> list[tuple[float, Gain]]:
+        """Return the ratios that have an observer, with its gain; apart: as in `gaps.changing`."""
+        bare, first = self.device.bare(), self.seen[0]
+        gains = steady_gains([bare] * len(ratios), first, np.array(ratios))
+        if links := links_with_play(self.device):
+            gains = with_apart(bare, links, first, gains)
+        return [
+            (ratio, changing(bare, self.seen, ratio, gain, apart=apart))
+            for ratio, gain in zip(ratios, gains, strict=True)
+            if np.all(np.isfinite(gain))
+        ]
+
+    def linear(self) -> list[Noise]:
+        """Return the noise models of steady observers, which begin as linear ones do."""
+        each = self.gains(self.family.ratios, apart=False)
+        if not each:
+            return []
+        usable = [gain for _, gain in each]
+        begins = {id(e.changes): Beginnings(e.on(self.device), usable) for e in self.seen}
+        asked = [(begins[id(e.changes)], e) for e in self.seen]
+        followed = [(starts := b.of(e), b.followed(e, starts)) for b, e in asked]
+        found: list[Noise | None] = []
+        for i, (ratio, gain) in enumerate(each):
+            courses = [Course(starts[i]) for starts, _ in followed]
+            errors = [e[i] for _, e in followed]
+            found.append(_noise(gain, ratio, self.family, courses, errors, self.experiments))
+        return [noise for noise in found if noise is not None]
+
+    def noises(self, family: Family, courses: Sequence[Course]) -> list[Noise]:
+        """Return the noise models of a family on given courses, in their phases."""
+        each = self.gains(family.ratios, apart=True)
+        if not each:
+            return []
+        gains = [gain for _, gain in each]
+        errors = [
+            Beginnings(e.on(self.device), gains).followed(e, np.tile(c.start, (len(gains), 1)))
+            for e, c in zip(_as(self.seen, courses), courses, strict=True)
+        ]
+        found = [
+            _noise(gain, ratio, family, courses, [e[i] for e in errors], self.experiments)
+            for i, (ratio, gain) in enumerate(each)
+        ]
+        return [noise for noise in found if noise is not None]
+
+    def starts(self, noise: Noise) -> list[Course]:
+        """Return the courses with the initial states that play needs."""
+        each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
+        return [
+            c._replace(start=by_own_slopes(self.device, e, noise.observer, c.start))
+            for e, c in each
+        ]
+
+    def in_phases(self, noise: Noise) -> list[Course]:
+        """Return the courses with the phases that an observer predicts."""
+        each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
+        gain = noise.observer.gain
+        return [c._replace(phases=in_phases(self.device, e, gain).phases) for e, c in each]
+
+    def better(self, noise: Noise, courses: Sequence[Course]) -> Noise:
+        """Return the noise with the same observer on other courses, if it is no worse."""
+        pairs = zip(courses, noise.courses, strict=True)
+        if all(a.start is b.start and a.phases is b.phases for a, b in pairs):
+            return noise
+        plain, gain = prepared(self.device, SEARCHING), noise.observer.gain
+        errors = [
+            innovations(
+                self.device, e, gain,
+                ready=plain if e.changes is None else prepared(e.on(self.device), SEARCHING),
+            )
+            for e in _as(self.seen, courses)
+        ]  # fmt: skip
+        own = _noise(gain, noise.observer.ratio, self.family, courses, errors, self.experiments)
+        return noise if own is None or own.cost > noise.cost else own
+
+
+def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
+    """Return the recording with what an observer finds of it: its initial state, and its course."""
+    gain = observer.gain
+    apart = isinstance(gain, Changing) and gain.apart is not None
+    if experiment.before is not None:
+        whole = replace(experiment, before=begun(device, experiment.before, observer))
+        return in_phases(device, whole, gain) if apart else whole
+    if apart:  # a ratio that suits it may suit no steady gain
+        alone = Model(device)
+        family = blind(observer.ratio) if observer.whitening is None else NEXT_SAMPLE
+        noise = likeliest([experiment], alone, np.zeros(alone.linear_count), family)
+        (first,) = _as([experiment], noise.courses)
+        if first.phases is None:
+            first = in_phases(device, first, steadily(noise.observer.gain))
+        asked = [first, in_phases(device, first, gain)]
+        white = [observer.weigh(innovations(device, e, gain), e.uncounted) for e in asked]
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            return asked[int(np.argmin([np.nan_to_num(np.sum(w**2), nan=np.inf) for w in white]))]
+    (linear,) = Beginnings(experiment.on(device), [gain]).of(experiment)
+    return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.gaps import Gain, along
+from zwidth.diagnosis.noise.gaps import Changing, Gain, along
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
@@ -36,6 +36,7 @@ SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first s
 MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
+AGAIN, FEW = 8, 1e-3  # times that phases are sought; share of ticks that may still change
 
 
 @dataclass(frozen=True)
@@ -246,7 +247,7 @@ def memory_at(
     The rest of a recording begins as the part before it ends.
     """
     eq, fine = ready
-    (wide,), columns = along([gain], experiment.lost)
+    (wide,), columns = along([gain], experiment.lost, experiment.all_phases)
     full = padded(wide, experiment.on(device), eq, experiment)
     full = Gains(full, columns) if columns.size else full
     if experiment.before is None:
@@ -337,6 +338,30 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
         _beside(full, o, 2 * n), experiment.external(eq.dof), memory, experiment.strengths,
     )  # fmt: skip
     return -found[:, o:]
+
+
+def in_phases(device: Device, experiment: Experiment, gain: Gain) -> Experiment:
+    """Return the recording with its phases (`Experiment.phases`).
+
+    A link carries nothing where the motion that an observer predicts leaves it within its play. If
+    the observer's gains depend on the phases, they are sought again until they stay.
+    """
+    if experiment.before is not None:
+        before = in_phases(device, experiment.before, gain)
+        experiment = replace(experiment, before=before)
+    plays = [p for p in experiment.on(device).physics if p.effect.name == "backlash"]
+    for _ in range(AGAIN):
+        moved, phases = followed(device, experiment, gain), np.zeros(experiment.ticks, np.uint8)
+        for play in plays:
+            link = play.place.index
+            apart = np.abs(moved[:, link + 1] - moved[:, link]) < 0.5 * play.values["gap"]
+            phases |= apart.astype(np.uint8) << link
+        known = experiment.phases
+        changed = 1.0 if known is None else float(np.mean(phases != known))
+        experiment = replace(experiment, phases=phases)
+        if changed < FEW or not (isinstance(gain, Changing) and gain.apart):
+            break
+    return experiment
 
 
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:

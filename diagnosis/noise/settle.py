@@ -9,7 +9,7 @@ from zwidth.diagnosis.fitting.descend import descended, fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, likeliest
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Course, Family, likeliest
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
@@ -24,12 +24,12 @@ def prepared_for(
 ) -> Problem:
     """Return the recordings with the most likely noise of a model at x; may raise NoObserver.
 
-    With play, the initial states that the recordings already have are kept, since finding them
-    takes long; they come from the observer of nearly the same model.
+    With play, what an observer of nearly the same model found of the recordings is kept, since
+    finding it takes long.
     """
-    starts = [e.start for e in experiments if e.start is not None]
+    known = [Course(e.start, e.phases) for e in experiments if e.start is not None]
     play = with_play((*model.nominal.physics, *model.effects))
-    begun = starts if play and len(starts) == len(experiments) else None
+    begun = known if play and len(known) == len(experiments) else None
     return likeliest(experiments, model, x, family, begun).problem(experiments)
 
 

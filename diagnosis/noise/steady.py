@@ -118,9 +118,7 @@ def _in_contact(device: Device, experiment: Experiment, ratio: float) -> tuple[S
     plant = device.plant()
     a, b = hold(plant, experiment.period)
     c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
-    scale = float(plant.matrices.mass.trace()) / experiment.period**2
-    source = b[:, 1] * scale
-    process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
+    process = process_of(plant, b, experiment.period, ratio)
     noise = np.diag(noise_scale(experiment) ** 2)
     if not all(np.all(np.isfinite(m)) for m in (a, process, noise)):
         raise NoObserver("the device's equations have NaN or infinite coefficients")
@@ -180,6 +178,13 @@ def _spreads(devices: Sequence[Device], experiment: Experiment, ratios: Floats) 
     return Spread(_doubled(own, c, process, noise), own, c, process, noise)
 
 
+def process_of(plant: Plant, held: Floats, period: float, ratio: float) -> Floats:
+    """Return the process noise Q of a plant; held: of `hold`, over the period [s]."""
+    source = held[:, 1] * float(plant.matrices.mass.trace()) / period**2
+    found = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
+    return np.asarray(found, dtype=np.float64)
+
+
 def links_with_play(device: Device) -> tuple[int, ...]:
     """Return the links (index) of a device that have play."""
     return tuple(p.place.index for p in device.physics if p.effect is backlash)
@@ -189,17 +194,28 @@ def with_apart(
     device: Device, links: Sequence[int], experiment: Experiment, gains: Floats
 ) -> Floats:
     """Return gains (..., states, o) with those for links without contact, (..., states, 2 o)."""
-    chain = device.chain
-    springs, dampers = chain.link_springs.copy(), chain.link_dampers.copy()
-    springs[list(links)] = dampers[list(links)] = 0.0
-    apart = chain._replace(link_springs=springs, link_dampers=dampers)
-    plant = plant_of(apart, [(p, p.values) for p in device.physics])
+    plant = parted_plant(device, links)
     c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
     read = (c != 0.0).astype(np.int64)
     count, part = connected_components((plant.a != 0.0) + read.T @ read, directed=False)
     unseen = [k for k in range(count) if not c[:, np.isin(part, [k])].any()]
     free = np.where(np.isin(part, unseen)[:, None], 0.0, gains)
     return np.concatenate([gains, free], axis=-1)
+
+
+def is_unseen_behind_play(device: Device, experiment: Experiment) -> bool:
+    """Whether a link of a device has play, and something behind it has no output."""
+    links, whole = links_with_play(device), np.ones((device.plant().size, len(experiment.outputs)))
+    return any(not with_apart(device, [link], experiment, whole).all() for link in links)
+
+
+def parted_plant(device: Device, links: Sequence[int]) -> Plant:
+    """Return the linear equations of a device of which links carry nothing."""
+    chain = device.chain
+    springs, dampers = chain.link_springs.copy(), chain.link_dampers.copy()
+    springs[list(links)] = dampers[list(links)] = 0.0
+    apart = chain._replace(link_springs=springs, link_dampers=dampers)
+    return plant_of(apart, [(p, p.values) for p in device.physics])
 
 
 def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Floats:

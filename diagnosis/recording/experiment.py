@@ -3,7 +3,7 @@
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, cast
 
@@ -38,7 +38,7 @@ STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that o
 STEADY = 0.05  # the same for the command's means over blocks; a ramp exceeds it
 LATE = 0.25  # of the period: largest mean lengthening of the intervals of a late loop
 SAMPLED = ("command", "measured", "sensor_error", "dropped", "force", "base", "pushes",
-           "strengths", "bridged", "uncounted")  # fmt: skip
+           "strengths", "bridged", "uncounted", "phases")  # fmt: skip
 WAITS = 0.1  # of its swing: least motion in the first samples of a recording
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
@@ -127,7 +127,8 @@ class Experiment(Valued):
     own: names of parameters with their own value, each with a word that is the same in recordings
     that share the value. bridged (ticks,): where nothing was measured and `measured` is
     interpolated; None for nowhere. uncounted (ticks,): samples that do not judge: bridged ones, and
-    those that the observer needs after each gap to find the state again.
+    those that the observer needs after each gap to find the state again. phases (ticks,): bit l is
+    set while link l has play and carries nothing, as an observer found last; None if not known.
     """
 
     period: float
@@ -155,6 +156,7 @@ class Experiment(Valued):
     own: tuple[tuple[str, str], ...] = ()
     bridged: NDArray[np.bool_] | None = None
     uncounted: NDArray[np.bool_] | None = None
+    phases: NDArray[np.uint8] | None = None
 
     @property
     def readings(self) -> Floats:
@@ -166,13 +168,27 @@ class Experiment(Valued):
     @property
     def lost(self) -> NDArray[np.bool_] | None:
         """Which samples were not measured (all ticks,), those of `before` first; None for none."""
-        before = None if self.before is None else self.before.lost
-        if before is None and self.bridged is None:
+        return self._with_before(lambda e: e.bridged)
+
+    @property
+    def all_phases(self) -> NDArray[np.uint8] | None:
+        """The phases (all ticks,), those of `before` first; None if not known."""
+        return self._with_before(lambda e: e.phases)
+
+    def _with_before(self, of: Callable[["Experiment"], NDArray[Any] | None]) -> Any:
+        parts, part = list["Experiment"](), self
+        while part is not None:
+            parts.insert(0, part)
+            part = part.before
+        each = [of(e) for e in parts]
+        known = next((a for a in each if a is not None), None)
+        if known is None:
             return None
-        earlier = 0 if self.before is None else self.before.joined().ticks
-        parts = ((before, earlier), (self.bridged, self.ticks))
-        each = [np.zeros(n, dtype=np.bool_) if gone is None else gone for gone, n in parts]
-        return np.concatenate(each)
+        filled = [
+            np.zeros(e.ticks, known.dtype) if a is None else a
+            for a, e in zip(each, parts, strict=True)
+        ]
+        return np.concatenate(filled)
 
     @property
     def known(self) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import shared
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Course, Family, Noise, likeliest
 from zwidth.diagnosis.noise.predictor import FINAL, SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -168,9 +168,9 @@ class Hypothesis:
         return replace(there, noise=noise, residual=residual)
 
     @property
-    def begun(self) -> Sequence[Floats] | None:
-        """With play, the observer's initial states, which take long to find; else None."""
-        return self.noise.starts if self.has_valleys else None
+    def begun(self) -> Sequence[Course] | None:
+        """With play, what the observer found of the recordings, which takes long; else None."""
+        return self.noise.courses if self.has_valleys else None
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
         return judged(self.experiments, self.model, x, self.family, among, self.prices, self.begun)
@@ -190,7 +190,7 @@ def judged(
     family: Family = NEXT_SAMPLE,
     among: Family | None = None,
     prices: Prices = (),
-    begun: Sequence[Floats] | None = None,
+    begun: Sequence[Course] | None = None,
 ) -> Hypothesis:
     """Return a model at x with its most likely noise; raises NoObserver if none is possible.
 

@@ -15,7 +15,7 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import SLOWER, Family, blind
+from zwidth.diagnosis.noise.family import SLOWER, Course, Family, blind
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -53,9 +53,9 @@ class Proposal:
     under: the problem of the first fit, None if the proposal needs no such fit. family: of the
     noise; near: ratio about which the noise is sought, None for the whole family. prices: as in
     `Hypothesis`. akin: whether only the place of an effect differs from the original hypothesis, or
-    the law is a simpler or a richer one of its kind. begins: initial states of the original's
-    observer. With play, they are computed again only at the end of a fit; computing them for each
-    move took 28 % of a search.
+    the law is a simpler or a richer one of its kind. begins: what the original's observer found of
+    the recordings. With play, initial states are computed again only at the end of a fit; computing
+    them for each move took 28 % of a search.
     """
 
     experiments: Sequence[Experiment]
@@ -66,7 +66,7 @@ class Proposal:
     near: float | None = None
     prices: Prices = ()
     akin: bool = False
-    begins: Sequence[Floats] | None = None
+    begins: Sequence[Course] | None = None
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return the hypothesis at x with its most likely noise; may raise NoObserver.
