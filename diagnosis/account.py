@@ -117,6 +117,12 @@ def keeping() -> Generator[Account]:
         _ACCOUNT.reset(tokens[0])
 
 
+def spent() -> int:
+    """Return the member-ticks booked so far, 0 if no account is kept."""
+    account = _ACCOUNT.get()
+    return 0 if account is None else account.total.member_ticks
+
+
 @contextmanager
 def stage(name: str) -> Generator[None]:
     """Book the simulations of the block on a stage, with its CPU seconds of all threads."""

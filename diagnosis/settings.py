@@ -75,6 +75,16 @@ class Pursuit:
     gained 0.01 to 0.08 of it. Also the share by which a fit that has not ended may lag behind over
     a longer horizon before it is clearly worse there (`selection.slower`)."""
 
+    farther: float = 3.0
+    """Simulations of the search over a longer horizon, over those of all before it, after which it
+    ends with what it has. Convention: on seven recordings of an exam that it was not tuned on it
+    took 0.1 to 1.5 times as many, but for one on which little came before; an eighth, with physics
+    that is in no library, did not end at eight times as many."""
+
+    at_least_farther: float = 20_000.0
+    """Simulations of all recordings that this search may take in any case; the one on which little
+    came before took 10 000."""
+
     no_sign: float = 10.0
     """Chi-square to first order, below which a start is not significant. Tuned: the noise of a few
     samples."""

@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.account import stage
+from zwidth.diagnosis.account import spent, stage
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
 from zwidth.diagnosis.model.own_values import first_x, varying
@@ -100,7 +100,8 @@ class Search:
     unphysical values: no answers, but a richer law among them is a rival of what it contains.
     clear: whether every clear sign led to a believed effect. apart: how often a part of the
     recordings was set apart because of an event; recorded: number of ticks before that. slower: the
-    judge of a longer horizon, None if this search uses it already.
+    judge of a longer horizon, None if this search uses it already. most: member-ticks of the
+    account from which nothing more is fitted.
     """
 
     plain: Hypothesis
@@ -120,6 +121,7 @@ class Search:
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
+    most: float = math.inf
 
     def keep(self, h: Hypothesis) -> Hypothesis:
         """Keep a hypothesis unless a cheaper one of its structure is known; return the cheaper."""
@@ -144,6 +146,10 @@ class Search:
         return self.slower is not None and self.slower.prefers(old, new)
 
 
+class Enough(Exception):
+    """A search has taken as many simulations as it may; what it found so far is kept."""
+
+
 def _cheaper(kept: dict[frozenset[str], Hypothesis], h: Hypothesis) -> Hypothesis:
     known = kept.get(h.labels)
     if known is None or h.cost.total < known.cost.total:
@@ -159,11 +165,12 @@ def search(
     moves: Moves = Moves(),
     family: Family = NEXT_SAMPLE,
     begun: Hypothesis | None = None,
+    most: float = math.inf,
 ) -> Search:
     """Search for effects that explain recordings; raises NoObserver if no observer is possible.
 
     family: the noise models with which all hypotheses are compared. begun: a hypothesis of another
-    search, from which this one continues if it is believed.
+    search, from which this one continues if it is believed. most: as in `Search`.
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
@@ -171,7 +178,7 @@ def search(
         plain = across(settled(first))
     ticks = sum(e.ticks for e in experiments)
     slower = Slower(plain) if family.whitening else None
-    found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
+    found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks, most=most)
     found.keep(plain)
     if begun is not None and begun.model.effects:
         known = attempt("search", begun.model.label, partial(settled, begun))
@@ -241,7 +248,10 @@ def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
     """Work to the end, an error or an interruption; results so far are kept."""
     try:
         with isolated("search", "a further effect"):
-            work(found)
+            try:
+                work(found)
+            except Enough:
+                found.say("enough simulations: continuing with the best so far")
     except KeyboardInterrupt:
         found.say("interrupted: judging the result so far; press Ctrl-C again to quit")
         found.interrupted = True
@@ -648,6 +658,8 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     their own noise then decides which are fitted to the end. A fit that ends at unphysical values
     is no answer (`Search.on_bounds`).
     """
+    if spent() > found.most:
+        raise Enough
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
         expected = found.spent / found.fits * len(asked)

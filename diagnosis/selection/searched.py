@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from operator import is_
 
+from zwidth.diagnosis.account import spent
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
@@ -40,6 +41,7 @@ from zwidth.diagnosis.selection.search import (
     two_at_once,
 )
 from zwidth.diagnosis.selection.slower import FAR_S
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import Device
 
 LEAST = 3  # hypotheses fitted over a longer horizon
@@ -195,7 +197,9 @@ def _farther(device: Device, near: Search) -> Search | None:
         return None
     with suppress(NoObserver):
         experiments, family = near.best.experiments, least.family
-        far = search(device, experiments, near.effort, near.say, AHEAD, family, least)
+        ticks = sum(e.ticks for e in experiments)
+        most = spent() + max(PURSUIT.farther * spent(), PURSUIT.at_least_farther * ticks)
+        far = search(device, experiments, near.effort, near.say, AHEAD, family, least, most)
         return replace(far, apart=near.apart)
     return None
 
