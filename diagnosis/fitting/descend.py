@@ -109,7 +109,10 @@ def descend(
     """Minimise from x; creased: whether the model has nonsmooth effects (`Effect.creased`).
 
     first: whether one-sided slopes suffice, as before another descent. On four recordings this lost
-    no effect, and saved 10 to 13 % of the simulations.
+    no effect, and saved 10 to 13 % of the simulations. Nor does a first descent follow bends: where
+    physics is missing, a fit that does imitates it. (With bends in each descent the friction of a
+    servo motor was called a filter, after 490 instead of 183 CPU s; with none at all, the force law
+    of a positioning system errs by 0.61 instead of 0.41 mm.)
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
@@ -125,7 +128,7 @@ def descend(
             own = ground.costs(steps) if steps else np.zeros(0)
         costs = np.concatenate([own, at.costs])
         best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
-        if best not in WHOLES and cost - float(costs[best]) > ENOUGH:
+        if not first and best not in WHOLES and cost - float(costs[best]) > ENOUGH:
             tried += (bent := _bent(ground, x, at.residual, slopes))
             with reason("steps"):
                 costs = np.concatenate([costs, ground.costs(bent) if bent else []])

@@ -36,8 +36,8 @@ structure 240 less than the truth instead of 75. So a device with play has two g
 one in contact and one for links without contact (`sim.predict`), which does not correct the parts
 behind the links that have no output. Parts with an output keep their gain: with separate noise
 models, two masses that are both measured were most likely with a gap that they never cross. If one
-of several links with play is free, all count as free; the growing uncertainty of a part that moves
-on its own is neglected.
+of several links with play is free, all count as free. That the uncertainty of a part grows while it
+moves on its own is neglected here: with it, gains change along a recording (`noise.gaps`).
 """
 
 from collections.abc import Sequence
