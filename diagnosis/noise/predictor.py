@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.gaps import Changing, Gain, along
+from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after, onward
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
@@ -23,7 +23,7 @@ from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
-from zwidth.sim.predict import GROUND, Gains, Outputs, alone, freely
+from zwidth.sim.predict import GROUND, Gains, Outputs, alone, copied, freely
 from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first s
 MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
-AGAIN, FEW = 8, 1e-3  # times that phases are sought; share of ticks that may still change
+PART, AGAIN = 100, 6  # ticks in which phases are found together; times that they are sought
 
 
 @dataclass(frozen=True)
@@ -344,24 +344,70 @@ def in_phases(device: Device, experiment: Experiment, gain: Gain) -> Experiment:
     """Return the recording with its phases (`Experiment.phases`).
 
     A link carries nothing where the motion that an observer predicts leaves it within its play. If
-    the observer's gains depend on the phases, they are sought again until they stay.
+    the gains depend on that, both are found together, one part of the recording after another.
     """
     if experiment.before is not None:
-        before = in_phases(device, experiment.before, gain)
-        experiment = replace(experiment, before=before)
-    plays = [p for p in experiment.on(device).physics if p.effect.name == "backlash"]
-    for _ in range(AGAIN):
-        moved, phases = followed(device, experiment, gain), np.zeros(experiment.ticks, np.uint8)
-        for play in plays:
-            link = play.place.index
-            apart = np.abs(moved[:, link + 1] - moved[:, link]) < 0.5 * play.values["gap"]
-            phases |= apart.astype(np.uint8) << link
-        known = experiment.phases
-        changed = 1.0 if known is None else float(np.mean(phases != known))
-        experiment = replace(experiment, phases=phases)
-        if changed < FEW or not (isinstance(gain, Changing) and gain.apart):
-            break
+        experiment = replace(experiment, before=in_phases(device, experiment.before, gain))
+    ticks, known = experiment.ticks, experiment.phases
+    phases = np.zeros(ticks, dtype=np.uint8) if known is None else known.copy()
+    experiment = replace(experiment, phases=phases)
+    follower = _Follower(device, experiment, gain)
+    if not (isinstance(gain, Changing) and gain.apart):
+        phases[:], _ = follower.phases(slice(0, ticks), follower.full)
+        return experiment
+    lost, o = np.zeros(ticks, dtype=np.bool_), len(experiment.outputs)
+    lost = lost if experiment.bridged is None else experiment.bridged
+    p, total = covariance_after(gain, experiment.before), follower.total
+    for first in range(0, ticks, PART):
+        now, there, after = slice(first, min(first + PART, ticks)), follower.memory, p
+        for _ in range(AGAIN):
+            found, after = onward(gain, p, lost[now], phases[now])
+            own = follower.padded(found.reshape(found.shape[0], -1))
+            columns = np.zeros(total, dtype=np.int64)
+            columns[total - ticks + first :][: now.stop - first] = o * np.arange(now.stop - first)
+            told, there = follower.phases(now, Gains(np.hstack([own, own]), columns))
+            same = np.array_equal(told, phases[now])
+            phases[now] = told
+            if same:
+                break
+        follower.memory, p = there, after
     return experiment
+
+
+class _Follower:
+    """A device whose positions an observer predicts, from the first sample on."""
+
+    def __init__(self, device: Device, experiment: Experiment, gain: Gain) -> None:
+        sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+        self.bare = device.without_physics(*sensors) if sensors else device
+        self.masses, self.experiment = device.chain.masses.size, experiment
+        self.plays = [p for p in experiment.on(device).physics if p.effect.name == "backlash"]
+        positions = (Output("position", i, truly=True) for i in range(self.masses))
+        wide = replace(experiment, outputs=(*experiment.outputs, *positions))
+        self.eq, self.fine = ready = prepared(experiment.on(self.bare), SEARCHING)
+        self.places, self.forces = wide.places(self.eq), experiment.external(self.eq.dof)
+        self.readings = np.hstack([experiment.readings, np.zeros((experiment.ticks, self.masses))])
+        self.memory, self.full = memory_at(ready, experiment, self.bare, gain)
+        self.total = int(self.memory.counters[0]) + experiment.ticks
+
+    def padded(self, gain: Floats) -> Floats:
+        """Return gains for all states."""
+        return padded(gain, self.bare, self.eq, self.experiment)
+
+    def phases(self, now: slice, observer: Floats | Gains) -> tuple[NDArray[np.uint8], Memory]:
+        """Return the phases of some samples, and the memory after them."""
+        o, there = len(self.experiment.outputs), copied(self.memory)
+        moved = -alone(
+            self.eq, self.fine, self.places, self.experiment.command[now], self.readings[now],
+            _beside(observer, o, self.masses), self.forces[now], there,
+            self.experiment.strengths_in(now),
+        )[:, o:]  # fmt: skip
+        found = np.zeros(moved.shape[0], dtype=np.uint8)
+        for play in self.plays:
+            link = play.place.index
+            inside = np.abs(moved[:, link + 1] - moved[:, link]) < 0.5 * play.values["gap"]
+            found |= inside.astype(np.uint8) << link
+        return found, there
 
 
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:

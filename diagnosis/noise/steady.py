@@ -178,9 +178,9 @@ def _spreads(devices: Sequence[Device], experiment: Experiment, ratios: Floats) 
     return Spread(_doubled(own, c, process, noise), own, c, process, noise)
 
 
-def process_of(plant: Plant, held: Floats, period: float, ratio: float) -> Floats:
-    """Return the process noise Q of a plant; held: of `hold`, over the period [s]."""
-    source = held[:, 1] * float(plant.matrices.mass.trace()) / period**2
+def process_of(plant: Plant, held: Floats, period: float, ratio: float, at: int = 0) -> Floats:
+    """Return the process noise Q of a force at a mass; held: of `hold`, over the period [s]."""
+    source = held[:, 1 + at] * float(plant.matrices.mass.trace()) / period**2
     found = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
     return np.asarray(found, dtype=np.float64)
 
