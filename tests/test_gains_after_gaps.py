@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks import account_rigs
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.gaps import Changing, Phases, along, changing
+from zwidth.diagnosis.noise.gaps import UNSEEN, Changing, Phases, along, changing
 from zwidth.diagnosis.noise.predictor import SETTLING, followed, in_phases, innovations
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.noise.steady import (
@@ -57,7 +57,8 @@ def kalman(
     device: Device, e: Experiment, lost: Lost, p: Floats, phases: Phases | None = None
 ) -> tuple[Floats, Floats]:
     """Return gains (ticks, states, o) of Kalman's filter from P, and P at the end of it."""
-    models = [_linear(device, e, [link for link in (0, 1) if k >> link & 1]) for k in range(4)]
+    unseen = 0.0 if phases is None else UNSEEN
+    models = [_linear(device, e, [i for i in (0, 1) if k >> i & 1], unseen) for k in range(4)]
     c = read_of(e, Places(device.plant().dof, device.reading().reads), p.shape[0])
     r, gains = np.diag(noise_scale(e) ** 2), np.zeros((e.ticks, p.shape[0], c.shape[0]))
     for k, gone in enumerate(lost):
@@ -70,11 +71,17 @@ def kalman(
     return gains, p
 
 
-def _linear(device: Device, e: Experiment, free: list[int]) -> tuple[Floats, Floats]:
-    plant = parted_plant(device, [link for link in free if link < device.chain.masses.size - 1])
+def _linear(device: Device, e: Experiment, free: list[int], unseen: float) -> tuple[Floats, Floats]:
+    """A and Q; unseen: of the variance of accelerations of m1, that of further masses."""
+    masses = device.chain.masses
+    plant = parted_plant(device, [link for link in free if link < masses.size - 1])
     a, b = hold(plant, e.period)
-    source = b[:, 1] * float(plant.matrices.mass.trace()) / e.period**2
-    return a, RATIO * np.outer(source, source) + FLOOR * np.eye(plant.size)
+    total = float(plant.matrices.mass.trace()) / e.period**2
+    q = FLOOR * np.eye(plant.size)
+    for i in range(masses.size):
+        share = 1.0 if i == 0 else unseen * (masses[i] / masses[0]) ** 2
+        q += RATIO * share * total**2 * np.outer(b[:, 1 + i], b[:, 1 + i])
+    return a, q
 
 
 @pytest.mark.parametrize("outputs", OUTPUTS.values(), ids=OUTPUTS)
@@ -103,7 +110,7 @@ def test_while_links_carry_nothing_gains_are_those_of_the_parts(measured: tuple[
     """Three masses with two loose links of which one, both or none is apart, and samples lost.
 
     Mutations: the model in contact throughout; the models of two links exchanged; the noise in
-    contact.
+    contact; no forces on unseen masses.
     """
     chain = make_chain([1e-3, 8e-4, 6e-4], [4e-3] * 3, 0.0, [12.0, 9.0], [4e-3] * 2)
     device = Device("three", "", True, chain, Interface(period=2e-3))

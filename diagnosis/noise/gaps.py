@@ -71,11 +71,9 @@ class Apart:
             links = range(self.device.chain.masses.size - 1)
             plant = parted_plant(self.device, [link for link in links if phase >> link & 1])
             motion, forces = hold(plant, self.period)
-            process = process_of(plant, forces, self.period, self.ratio)
-            mass = np.diag(plant.matrices.mass)
-            for i in range(1, plant.dof):
-                own = UNSEEN * (mass[i] / mass[0]) ** 2 * self.ratio
-                process = process + process_of(plant, forces, self.period, own, at=i)
+            unseen = UNSEEN * (self.device.chain.masses[1:] / self.device.chain.masses[0]) ** 2
+            ratios = self.ratio * np.array([1.0, *unseen])
+            process = process_of(plant, forces, self.period, *ratios.tolist())
             self.known[phase] = motion, process
         return self.known[phase]
 

@@ -178,11 +178,13 @@ def _spreads(devices: Sequence[Device], experiment: Experiment, ratios: Floats) 
     return Spread(_doubled(own, c, process, noise), own, c, process, noise)
 
 
-def process_of(plant: Plant, held: Floats, period: float, ratio: float, at: int = 0) -> Floats:
-    """Return the process noise Q of a force at a mass; held: of `hold`, over the period [s]."""
-    source = held[:, 1 + at] * float(plant.matrices.mass.trace()) / period**2
-    found = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
-    return np.asarray(found, dtype=np.float64)
+def process_of(plant: Plant, held: Floats, period: float, *ratios: float) -> Floats:
+    """Return the process noise Q of forces on m1, m2, ...; held: of `hold`, over the period [s]."""
+    found = FLOOR * np.eye(plant.size)
+    for i, ratio in enumerate(ratios):
+        source = held[:, 1 + i] * float(plant.matrices.mass.trace()) / period**2
+        found += ratio * np.outer(source, source)
+    return found
 
 
 def links_with_play(device: Device) -> tuple[int, ...]:
