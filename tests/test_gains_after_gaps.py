@@ -138,7 +138,7 @@ def test_only_what_is_not_measured_behind_play_asks_for_it() -> None:
 
 
 def test_where_a_link_is_apart_is_found_also_from_a_beginning_without_it() -> None:
-    """Mutations: the side of one sample before; sought once."""
+    """Mutations: phases that are late; a gap twice as wide."""
     rig = account_rigs.RIGS["two masses, play and friction"]()
     both = replace(rig, both=True).experiment().measured
     apart = np.abs(both[:, 1] - both[:, 0]) < 0.01
@@ -157,7 +157,7 @@ def test_physics_behind_play_that_nobody_measures_is_not_imitated(*, friction: b
     It gained 669 with friction and 177 without it, while gains did not know the phases; the cost of
     the truth itself was 1016 and 1420 more.
 
-    Mutations: steady gains alone; phases sought once and kept.
+    Mutations: steady gains alone; phases that are late; a gap twice as wide.
     """
     rig = account_rigs.RIGS["two masses, play and friction"]()
     physics = rig.physics if friction else rig.physics[:1]
