@@ -77,9 +77,9 @@ class Pursuit:
 
     farther: float = 3.0
     """Simulations of the search over a longer horizon, over those of all before it, after which it
-    ends with what it has. Convention: on seven recordings of an exam that it was not tuned on it
-    took 0.1 to 1.5 times as many, but for one on which little came before; an eighth, with physics
-    that is in no library, did not end at eight times as many."""
+    ends with what it has. Convention: on five recordings of an exam it took 0.1 to 1.5 times as
+    many, on a sixth, where little came before, eight times; a seventh, with physics that is in no
+    library, had not ended after nine times its CPU time."""
 
     at_least_farther: float = 20_000.0
     """Simulations of all recordings that this search may take in any case; the one on which little
