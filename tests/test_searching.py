@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.account import keeping
 from zwidth.diagnosis.answer.findings import (
     elsewhere,
     probability,
@@ -23,7 +24,7 @@ from zwidth.diagnosis.answer.findings import (
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.learning.events import set_apart
-from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.mishaps import collecting, silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.seeking.candidates import Start
@@ -615,6 +616,19 @@ def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bo
         found += [p.model.effects_at(p.x)[-1].values["gap"] for p in plays]
     off = [abs(v / gap - 1.0) for v in found]  # and is fitted on
     assert not off or (min(off) < 0.05 and max(off) < 0.1)
+
+
+@pytest.mark.parametrize("most", [1.0, np.inf])
+def test_a_search_ends_at_its_limit_of_simulations_with_what_it_has(
+    most: float, rubbed: list[Experiment]
+) -> None:
+    """And it is no error. Mutations: no limit; a limit that is reached is an internal error."""
+    said: list[str] = []
+    with keeping(), collecting(silent) as mishaps:
+        found = search(drive(), rubbed, QUICK, said.append, most=most)
+    assert not mishaps.found
+    assert found.best.labels == (set() if most == 1.0 else {"coulomb_friction@m1"})
+    assert any("limit of simulations" in line for line in said) == (most == 1.0)
 
 
 def test_play_is_scanned_beside_a_further_mass() -> None:

@@ -57,7 +57,7 @@ class Apart:
 
     Random forces act on every mass, in proportion to it, with `UNSEEN` of the variance on m1.
     Without them an observer trusts what it predicts of an unseen mass too much. (On six recordings
-    with play, the motor alone, -2 ln at the truth fell by up to 61 with them and rose by at most 1;
+    with play, the motor alone, -2 ln at the truth fell by up to 59 with them and rose by at most 4;
     with ten times as much it rose by up to 136.)
     """
 

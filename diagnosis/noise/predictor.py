@@ -346,8 +346,9 @@ def in_phases(device: Device, experiment: Experiment, gain: Gain) -> Experiment:
     A link carries nothing where the motion that an observer predicts leaves it within its play. If
     the gains depend on that, both are found together, one part of the recording after another.
     """
-    if experiment.before is not None:
-        experiment = replace(experiment, before=in_phases(device, experiment.before, gain))
+    before = experiment.before
+    if before is not None and before.phases is None:
+        experiment = replace(experiment, before=in_phases(device, before, gain))
     ticks, known = experiment.ticks, experiment.phases
     phases = np.zeros(ticks, dtype=np.uint8) if known is None else known.copy()
     experiment = replace(experiment, phases=phases)

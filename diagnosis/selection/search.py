@@ -251,7 +251,9 @@ def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
             try:
                 work(found)
             except Enough:
-                found.say("enough simulations: continuing with the best so far")
+                found.say(
+                    "this search reached its limit of simulations: continuing with its best result"
+                )
     except KeyboardInterrupt:
         found.say("interrupted: judging the result so far; press Ctrl-C again to quit")
         found.interrupted = True
