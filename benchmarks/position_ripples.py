@@ -1,4 +1,4 @@
-"""What repeats over position on real drives, as a curve, a formula and an improved fit.
+"""What repeats with position on real drives, as a curve, a formula and an improved fit.
 
 A fine ripple shows in the next sample, friction over half a second, and an answer is one of two
 searches (docs/diagnosis.md). So this takes the first of them: the search one sample ahead names

@@ -1,4 +1,4 @@
-"""A texture: a sinusoidal grating of force, alone or on a wall (`sim/wall_law.py`)."""
+"""A texture: a force that is a sine of the position, alone or on a wall (`sim/wall_law.py`)."""
 
 import math
 from functools import cache

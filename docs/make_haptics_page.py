@@ -160,7 +160,7 @@ changed. In a scenario, use `kind = "guarded"`.
 
 ![Amplitudes in a grating; boundaries with the worst hands](haptics/textures.png)
 
-A texture is a sinusoidal grating of force over position, alone or on a spring; K is its steepest
+A texture is a force that varies with position as a sine, alone or on a spring; K is its steepest
 slope. A small motion in a trough is like one on a spring K, and is stable up to the same K_CR
 (within 0.1 %). Above K_CR the oscillation grows until the mean slope over its swing equals K_CR
 again; a describing function predicts its amplitude (left). Buzzing in a texture is such an

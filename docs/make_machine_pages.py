@@ -173,7 +173,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines.append(f"| {run.output} of {run.recording} | {cells} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
     if friction_curve(found.searched) is not None:
-        lines += [f"![The friction that was found, over velocity]({name}_friction.png)", ""]
+        lines += [f"![The friction that was found, against velocity]({name}_friction.png)", ""]
     if (law := found.learned) is not None:
         also = [s for s in (law.worth, law.absorbed, law.energy) if s]
         lines += [f"**The learned law**: {'; '.join([law.sentence, *also])}.", ""]

@@ -212,7 +212,7 @@ def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
         other = instead(problem, final, without, problem.experiments, "extra_mode at m1")
         assert (other is not None) is hums
         if other is not None:
-            assert (other.follows, other.unknowns) == ("repeats over time", 3)
+            assert (other.follows, other.unknowns) == ("repeats with time", 3)
             assert "likelier than extra_mode at m1 by" in other.sentence
 
 

@@ -83,7 +83,7 @@ def test_a_law_that_repeats_is_the_same_a_turn_on(count: int) -> None:
 
 
 def test_a_mass_under_a_table_of_its_speed_moves_as_an_integrator_says() -> None:
-    """Second order in the substep: the error falls fourfold. Mutation: the law over position."""
+    """Second order in the substep: the error falls fourfold. Mutation: the law of position."""
     points = [(0.0, 0.0), (0.4, -0.5), (1.5, -0.8), (3.0, -3.0)]
     s, f = np.array(points).T
     device = Device(

@@ -319,7 +319,7 @@ def test_a_reason_decides_and_the_first_counts():
     assert [reason(facts) for facts in every.values()] == list(Reason)
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
     assert every[Reason.WITH_LEVEL].verdict is Verdict.CONFUSABLE
-    assert "law over speed or force" in why(every[Reason.WITH_LEVEL])
+    assert "law of speed or force" in why(every[Reason.WITH_LEVEL])
     assert every[Reason.ONE_PERIOD].verdict is Verdict.CONFUSABLE
     assert "a force ripple at the motor and encoder eccentricity repeat with the same" in why(
         every[Reason.ONE_PERIOD]

@@ -119,7 +119,7 @@ def test_its_picture_has_titles_and_units(law: Law) -> None:
     figure = law_figure(found, rotary=False)
     texts = {axes.get_xlabel() for axes in figure.axes} | {a.get_ylabel() for a in figure.axes}
     assert {"position [mm]", "velocity [m/s]", "law [N]"} <= texts
-    assert figure.axes[0].get_title(loc="left") == "Unnamed law over position and velocity at m1"
+    assert figure.axes[0].get_title(loc="left") == "Unnamed law of position and velocity at m1"
 
 
 def test_what_a_grid_does_not_see_is_laid_smoothly() -> None:

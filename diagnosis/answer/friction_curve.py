@@ -1,4 +1,4 @@
-"""The friction of an answer as a curve over velocity, with its band and the samples behind it.
+"""The friction of an answer as a curve against velocity, with its band and the samples behind it.
 
 A friction law is best understood as a curve: all forces at the place over velocity in steady
 sliding. Beside it are drawn the forces that the recording requires at each sample: the curve at the

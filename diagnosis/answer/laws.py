@@ -82,7 +82,7 @@ class Law(ABC, Valued):
 
     @property
     def turns(self) -> bool:
-        """Whether the law repeats over position, so that a ripple is its first harmonic."""
+        """Whether the law repeats with position, so that a ripple is its first harmonic."""
         return False
 
     @property
@@ -134,7 +134,7 @@ class LearnedLaw(Law):
 
     @property
     def turns(self) -> bool:
-        """Whether the law repeats over position, so that a ripple is its first harmonic."""
+        """Whether the law repeats with position, so that a ripple is its first harmonic."""
         return self.curve.period > 0.0
 
     @property

@@ -164,7 +164,7 @@ class Facts:
 
     @property
     def of_one_period(self) -> list[Finding]:
-        """The named effects that repeat over position with the same period, if there are several.
+        """The named effects that repeat with position with the same period, if there are several.
 
         Together they describe whatever repeats so: three ripples, at the sensor and in both links,
         imitated an inertia that varies as its mass turns.

@@ -514,14 +514,14 @@ def why(f: Facts) -> str:
             told = f"{f.left.hint}; five sigma are required to prefer it"
         case Reason.WITH_LEVEL:
             told = (
-                "a parameter changes where the level of the command does, so a law over speed or"
+                "a parameter changes where the level of the command does, so a law of speed or"
                 " force that is not in the library explains as much; a recording in which the level"
                 " returns to its first value tells them apart"
             )
         case Reason.ONE_PERIOD:
             told = (
                 f"{all_in_words(f.of_one_period, f.masses, sized=0)} repeat with the same period,"
-                " so one law over position that is not in the library may cause all of them"
+                " so one law of position that is not in the library may cause all of them"
             )
         case Reason.TOUCHED:
             told = (

@@ -73,7 +73,7 @@ class Leftover:
         q = "" if self.follows == "1" else f" proportional to the {self.follows}"
         hertz = f" ({1.0 / self.period:.3g} Hz)" if self.over == "time" else ""
         return (
-            f"a force at {self.at}{q} that repeats over {self.over} every {self.period:.3g} {unit}"
+            f"a force at {self.at}{q} that repeats with {self.over} every {self.period:.3g} {unit}"
             f"{hertz} would lower the chi-square by {self.gained:.0f} (chance: {self.chance:.0f})"
         )
 

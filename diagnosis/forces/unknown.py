@@ -290,11 +290,11 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
             speed = _settled(x[:, n + place.index] ** 2)[:, None]
             both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
         columns.append(both)
-    how = f"depends on {line.follows} and repeats over {line.over}"
+    how = f"depends on {line.follows} and repeats with {line.over}"
     if line.follows == "1":
-        how = f"repeats over {line.over}"
+        how = f"repeats with {line.over}"
     elif (line.follows, line.over) == ("acceleration", "position"):
-        how = "depends on acceleration, like an inertia that repeats over position,"
+        how = "depends on acceleration, like an inertia that repeats with position,"
     again = partial(_repeating, line=line, n=n)
     return Shape(line.at, how, place.row(n), columns, again)
 

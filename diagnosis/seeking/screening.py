@@ -121,7 +121,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
 def shown_starts(seen: View) -> list[Start]:
     """Return starts at periods over position and at resonances that the residual shows."""
     found: list[Start] = []
-    with isolated("candidates", "what repeats over position"):
+    with isolated("candidates", "what repeats with position"):
         found += wave_starts(seen.problem, seen.fitted)
     with isolated("candidates", "a further mass"):
         found += mode_starts(seen.problem, seen.fitted)

@@ -195,7 +195,7 @@ def search(
 def from_afar(found: Search) -> bool:
     """Search for the valley of the best again; if another costs less, continue from there.
 
-    Returns whether one does. Friction, a dead band and a force that repeats over position together
+    Returns whether one does. Friction, a dead band and a force that repeats with position together
     have enough creases to trap a fit, though none of them alone does.
     """
     before = found.best

@@ -82,7 +82,7 @@ falling_limit = Effect(
             0.0,
             1e12,
             0.0,
-            meaning="by which it falls over speed: back-EMF times force a volt",
+            meaning="by which it falls for each unit of speed: back-EMF times force a volt",
         ),
     ),
     hook="force",

@@ -1,4 +1,4 @@
-"""A force without a formula over a velocity, or over the rate of a link's deflection.
+"""A force without a formula that depends on a velocity, or on the rate of a link's deflection.
 
     f = f(v),    a table with a smooth curve through it (`free_law.py`).
 
@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_damper = Effect(
     name="free_damper",
-    summary="a force over velocity, or over the rate of a link's deflection, as a table",
+    summary="a force that depends on velocity, or on the rate of a link's deflection, as a table",
     formula="f = f(v), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad/s", "N m"),

@@ -9,7 +9,7 @@ from zwidth.sim.physics.free_law import table_law, table_parameters
 
 free_sensor = Effect(
     name="free_sensor",
-    summary="the error of a reading over the position, as a table",
+    summary="the error of a reading, which depends on the position, as a table",
     formula="reading = q + f(q), a smooth curve through the points of the table",
     places=("sensor",),
     parameters=table_parameters("rad", "rad"),

@@ -1,4 +1,4 @@
-"""A force without a formula over a position, or over the deflection of a link.
+"""A force without a formula that depends on a position, or on the deflection of a link.
 
     f = f(q),    a table with a smooth curve through it (`free_law.py`).
 
@@ -12,7 +12,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 free_spring = Effect(
     name="free_spring",
-    summary="a force over position, or over the deflection of a link, as a table",
+    summary="a force that depends on position, or on the deflection of a link, as a table",
     formula="f = f(q), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad", "N m"),

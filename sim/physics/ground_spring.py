@@ -50,7 +50,7 @@ ground_spring = Effect(
             1e12,
             0.0,
             role="magnitude",
-            meaning="force over position",
+            meaning="force for each unit of position",
         ),
     ),
     hook="structure",

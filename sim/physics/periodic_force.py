@@ -1,4 +1,4 @@
-"""A force of any shape that repeats over position, as four harmonics of its period.
+"""A force of any shape that repeats with position, as four harmonics of its period.
 
     f = sum over k = 1..4 of a_k cos(k phi) + b_k sin(k phi),    phi = 2 pi q / period,
 
@@ -20,7 +20,7 @@ HARMONICS = 4
 
 periodic_force = Effect(
     name="periodic_force",
-    summary="a force of any shape that repeats over position",
+    summary="a force of any shape that repeats with position",
     places=(*MASSES, *LINKS),
     parameters=(
         Parameter("period", "lambda_p", "rad", 1e-9, 1e6, None),

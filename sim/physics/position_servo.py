@@ -46,7 +46,7 @@ position_servo = Effect(
             1e12,
             0.0,
             role="magnitude",
-            meaning="force over the speed, of the loop",
+            meaning="force for each unit of speed, of the loop",
         ),
         Parameter(
             "back_emf",

@@ -77,7 +77,7 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
             axes.set_xlabel(f"{m.against} [{unit}]")
-            axes.set_title(f"over {m.against}: {_explains(m.gained, top.gained)}", fontsize=9)
+            axes.set_title(f"against {m.against}: {_explains(m.gained, top.gained)}", fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {pushed_by} at {top.place} [{pushed}]")

@@ -1,4 +1,4 @@
-"""Friction as a curve over velocity, with its band and the force that each sample needs."""
+"""Friction as a curve against velocity, with its band and the force that each sample needs."""
 
 from collections.abc import Sequence
 
@@ -60,7 +60,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes.set_ylim(y * frame[0], y * frame[1])
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")
-        axes.set_title("The friction that was found, over velocity")
+        axes.set_title("The friction that was found, against velocity")
         labels = axes.get_legend_handles_labels()[1]
         columns = 1 if 2 * max(len(str(label)) for label in labels) > WIDE else 2
         figure.legend(loc="outside lower center", ncols=columns, markerscale=2.0)

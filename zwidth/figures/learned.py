@@ -52,7 +52,7 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
             above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
                        label=_formula(law, like.form.name, units))  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
-        above.set_title(f"Unnamed law over {curve.over} at {curve.physics.at}")
+        above.set_title(f"Unnamed law of {curve.over} at {curve.physics.at}")
         figure.legend(loc="outside lower center", ncols=1)
         below.hist(x * seen, bins=BINS, color="0.6")
         below.set_ylabel("samples")

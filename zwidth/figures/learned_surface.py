@@ -60,7 +60,7 @@ def learned_surface_figure(law: LearnedSurface, rotary: bool) -> Figure:
         whole.set_xlabel(names[0])
         whole.set_ylabel(names[1])
         place = law.curve.physics.at
-        whole.set_title(f"Unnamed law over {law.over} {'in' if link else 'at'} {place}")
+        whole.set_title(f"Unnamed law of {law.over} {'in' if link else 'at'} {place}")
         above.colorbar(drawn, ax=whole, label=f"law [{force_unit}]")
         whole.legend(loc="upper right", markerscale=6.0)
         for axes, along in zip(below.subplots(1, 2, sharey=True), (0, 1), strict=True):
