@@ -202,13 +202,13 @@ class Population:
             chosen = np.arange(first, min(first + WIDTH, batch.members.size))
             which = batch.members[chosen]
             coarse, fine = batch.groups(chosen)
-            memory = _together([starts[i] for i in which])
+            memory = in_lanes([starts[i] for i in which])
             judge = judge_of(
                 _lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,),
                 recorded.uncounted,
             )  # fmt: skip
             external = recorded.external
-            reading = _reading(readings, which, recorded, coarse.eq.states)
+            reading = reading_of(readings, which, recorded, coarse.eq.states)
             with counted(which.size, ticks):
                 predict(
                     coarse.eq, fine.eq, recorded.outputs, recorded.command,
@@ -310,9 +310,10 @@ def _lanes(values: Floats, which: NDArray[np.int64], axes: int) -> Floats:
     return np.ascontiguousarray(np.moveaxis(rows, 0, -1))
 
 
-def _reading(
+def reading_of(
     readings: Readings, which: NDArray[np.int64], recorded: Recorded, states: int
 ) -> Reading:
+    """Return how up to `WIDTH` members read a recording, in lanes; raises ValueError for shapes."""
     o = recorded.measured.shape[1]
     size = int(which.max()) + 1
     gains = np.ones(size) if readings.gains is None else readings.gains
@@ -338,7 +339,8 @@ def _reading(
 FLOATING = ("x", "line", "controller", "internal", "scalars", "totals")
 
 
-def _together(memories: Sequence[Memory]) -> Memory:
+def in_lanes(memories: Sequence[Memory]) -> Memory:
+    """Return up to `WIDTH` memories as one with a last axis of lanes, the last repeated."""
     filled = [*memories, *[memories[-1]] * (WIDTH - len(memories))]
     rows = {
         name: np.ascontiguousarray(np.stack([getattr(m, name) for m in filled], axis=-1))

@@ -1,4 +1,4 @@
-"""An observer's gains over lost samples and while links are apart: Kalman's filter written out."""
+"""An observer's gains over lost samples and along its motion: Kalman's filter written out."""
 
 from dataclasses import replace
 
@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from benchmarks import account_rigs
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.gaps import UNSEEN, Changing, Phases, along, changing
-from zwidth.diagnosis.noise.predictor import SETTLING, followed, in_phases, innovations
+from zwidth.diagnosis.noise.gaps import UNSEEN, Changing, along, changing
+from zwidth.diagnosis.noise.predictor import SETTLING, followed, in_motion, innovations
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.noise.steady import (
     FLOOR,
-    is_unseen_behind_play,
     noise_scale,
     parted_plant,
     read_of,
@@ -54,11 +53,10 @@ def moved(outputs: tuple[Output, ...], ticks: int = 600) -> Experiment:
 
 
 def kalman(
-    device: Device, e: Experiment, lost: Lost, p: Floats, phases: Phases | None = None
+    device: Device, e: Experiment, lost: Lost, p: Floats, motions: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Return gains (ticks, states, o) of Kalman's filter from P, and P at the end of it."""
-    unseen = 0.0 if phases is None else UNSEEN
-    models = [_linear(device, e, [i for i in (0, 1) if k >> i & 1], unseen) for k in range(4)]
+    own, q = linear(device, e, 0.0 if motions is None else UNSEEN)
     c = read_of(e, Places(device.plant().dof, device.reading().reads), p.shape[0])
     r, gains = np.diag(noise_scale(e) ** 2), np.zeros((e.ticks, p.shape[0], c.shape[0]))
     for k, gone in enumerate(lost):
@@ -66,15 +64,20 @@ def kalman(
         if not gone:
             left = np.eye(p.shape[0]) - gains[k] @ c
             p = left @ p @ left.T + gains[k] @ r @ gains[k].T  # by Joseph: another way
-        a, q = models[0 if phases is None else int(phases[k])]
+        a = own if motions is None else motions[k]
         p = a @ p @ a.T + q
     return gains, p
 
 
-def _linear(device: Device, e: Experiment, free: list[int], unseen: float) -> tuple[Floats, Floats]:
-    """A and Q; unseen: of the variance of accelerations of m1, that of further masses."""
+def linear(
+    device: Device, e: Experiment, unseen: float = 0.0, free: tuple[int, ...] = ()
+) -> tuple[Floats, Floats]:
+    """A and Q; unseen: of the variance of accelerations of m1, that of further masses.
+
+    free: links that carry nothing.
+    """
     masses = device.chain.masses
-    plant = parted_plant(device, [link for link in free if link < masses.size - 1])
+    plant = parted_plant(device, free)
     a, b = hold(plant, e.period)
     total = float(plant.matrices.mass.trace()) / e.period**2
     q = FLOOR * np.eye(plant.size)
@@ -106,58 +109,85 @@ def test_gains_are_those_of_kalmans_filter(outputs: tuple[Output, ...]) -> None:
 
 
 @pytest.mark.parametrize("measured", [(0,), (0, 1)], ids=["m1", "m1 and m2"])
-def test_while_links_carry_nothing_gains_are_those_of_the_parts(measured: tuple[int, ...]) -> None:
-    """Three masses with two loose links of which one, both or none is apart, and samples lost.
+def test_gains_along_a_motion_are_those_of_its_differences(measured: tuple[int, ...]) -> None:
+    """Three masses; another A at each tick, and samples lost.
 
-    Mutations: the model in contact throughout; the models of two links exchanged; the noise in
-    contact; no forces on unseen masses.
+    Mutations: the A of the tick before; no forces on unseen masses; P kept over a lost sample.
     """
     chain = make_chain([1e-3, 8e-4, 6e-4], [4e-3] * 3, 0.0, [12.0, 9.0], [4e-3] * 2)
     device = Device("three", "", True, chain, Interface(period=2e-3))
     e = moved(tuple(Output("position", i) for i in measured))
     random = np.random.default_rng(3)
-    phases = np.repeat(random.integers(0, 4, 60), 10).astype(np.uint8)
+    own, _ = linear(device, e)
+    motions = own * (1.0 + 0.1 * random.standard_normal((e.ticks, *own.shape)))
     lost = random.random(e.ticks) < 0.05
-    gain = changing(device, [e], RATIO, steady(device, e, RATIO).gain, apart=True)
+    gain = changing(device, [e], RATIO, steady(device, e, RATIO).gain, follows=True)
     assert isinstance(gain, Changing)
-    ((wide,), columns) = along([gain], lost, phases)
+    ((wide,), columns) = along([gain], lost, motions)
     found = np.stack([wide[:, k : k + len(measured)] for k in columns])
-    expected, _ = kalman(device, e, lost, gain.spread.p, phases)
+    expected, _ = kalman(device, e, lost, gain.spread.p, motions)
     scale = np.abs(expected).max(axis=(0, 2))[:, None] + 1e-12
     assert (np.abs(found - expected) / scale).max() < 1e-6
     assert np.array_equal(wide[:, : wide.shape[1] // 2], wide[:, wide.shape[1] // 2 :])
     assert along([gain], None, None)[1].size == 0
 
 
-def test_only_what_is_not_measured_behind_play_asks_for_it() -> None:
-    """Mutation: a link without play, or a mass that is measured, asked for as well."""
-    loose = drive().with_physics(play(1e-3))
-    assert is_unseen_behind_play(loose, moved(OUTPUTS["a position"]))
-    assert not is_unseen_behind_play(loose, moved(OUTPUTS["two positions"]))
-    assert not is_unseen_behind_play(drive(), moved(OUTPUTS["a position"]))
+@pytest.mark.parametrize("late", [0.0, 0.3, -0.4], ids=["in time", "late", "early"])
+@pytest.mark.parametrize("outputs", OUTPUTS.values(), ids=OUTPUTS)
+def test_differences_go_on_as_the_linear_device_moves(
+    outputs: tuple[Output, ...], late: float
+) -> None:
+    """Of a device without effects, A is that of its equations, whatever is read and when.
+
+    late: of the period; where speeds and deflections are read late, their accelerations are left
+    out. Mutations: what correcting leaves of a difference; the speed of a late position left out.
+    """
+    read_late = late if all(o.tells_position for o in outputs) else 0.0
+    device, e = drive(), moved(tuple(replace(o, late=2e-3 * read_late) for o in outputs))
+    e = replace(e, bridged=lost_at(e.ticks, (50, 3)))
+    gain = changing(device, [e], RATIO, steady(device, e, RATIO).gain, follows=True)
+    assert isinstance(gain, Changing)
+    found = in_motion(device, e, gain, 1.0).motions
+    assert found is not None
+    a, _ = linear(device, e)
+    scale = np.sqrt(np.maximum(np.diag(gain.spread.p), 1e-6))
+    np.testing.assert_allclose(
+        found * scale / scale[:, None], np.broadcast_to(a * scale / scale[:, None], found.shape),
+        atol=2e-6 if read_late == 0.0 else 2e-3,
+    )  # fmt: skip
 
 
-def test_where_a_link_is_apart_is_found_also_from_a_beginning_without_it() -> None:
-    """Mutations: phases that are late; a gap twice as wide."""
+def test_differences_part_where_a_link_carries_nothing() -> None:
+    """Two masses, the motor alone: A of the parts across the gap, and of both in contact.
+
+    Mutations: a gap twice as wide; differences of m1 alone.
+    """
     rig = account_rigs.RIGS["two masses, play and friction"]()
+    rig = replace(rig, physics=rig.physics[:1])
     both = replace(rig, both=True).experiment().measured
     apart = np.abs(both[:, 1] - both[:, 0]) < 0.01
     truth, e = rig.device.with_physics(*rig.physics), rig.experiment()
-    gain = changing(rig.device, [e], 1e-2, steady(truth, e, 1e-2).gain, apart=True)
-    phases = in_phases(truth, e, gain).phases
-    assert phases is not None
+    gain = changing(rig.device, [e], 1e-4, steady(truth, e, 1e-4).gain, follows=True)
+    assert isinstance(gain, Changing)
+    found = in_motion(truth, e, gain, 1e-5).motions
+    assert found is not None
+    each = [linear(rig.device, e, 0.0, free)[0] for free in ((), (0,))]
+    scale = np.sqrt(np.diag(gain.spread.p))
+    far = [np.abs((found - a) * scale / scale[:, None]).max(axis=(1, 2)) for a in each]
     assert 0.2 < apart.mean() < 0.8
-    assert np.mean((phases == 1) == apart) > 0.95
+    assert np.mean((far[1] < far[0]) == apart) > 0.9
+    assert np.median(far[1][apart]) < 1e-3
+    assert np.median(far[0][~apart]) < 0.1
 
 
 @pytest.mark.parametrize("friction", [True, False])
 def test_physics_behind_play_that_nobody_measures_is_not_imitated(*, friction: bool) -> None:
     """A fit from the truth gains little: random forces on m1 and noise are no other parameters.
 
-    It gained 669 with friction and 177 without it, while gains did not know the phases; the cost of
-    the truth itself was 1016 and 1420 more.
+    It gained 669 with friction and 177 without it, while gains did not follow the motion; the cost
+    of the truth itself was 1016 and 1420 more.
 
-    Mutations: steady gains alone; phases that are late; a gap twice as wide.
+    Mutations: steady gains alone; differences of the tick before.
     """
     rig = account_rigs.RIGS["two masses, play and friction"]()
     physics = rig.physics if friction else rig.physics[:1]
@@ -166,7 +196,7 @@ def test_physics_behind_play_that_nobody_measures_is_not_imitated(*, friction: b
     for own, scales in zip(physics, ({"gap": 2e-3}, {"level": 3e-3}), strict=False):
         model = model.with_effect(own, scales)
     truth = judged([e], model, np.zeros(len(model.parameters)))
-    assert truth.noise.courses[0].phases is not None
+    assert truth.noise.courses[0].motions is not None
     assert truth.cost.misfit - settled(truth).cost.misfit < 60.0
 
 

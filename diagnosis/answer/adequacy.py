@@ -61,7 +61,6 @@ from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
-    deviation,
     driven,
     first_motion,
     free_run_errors,
@@ -195,36 +194,6 @@ def adequacy(
     explained, better = _better(final, others, observer, own, without)
     most_runs = max(run.errors.shape[0] for run in runs)
     return Adequacy(tuple(ahead), explained, better, bool(final.model.effects), most_runs)
-
-
-def wander(error: float, floor: float) -> bool:
-    """Whether free runs err too far beyond the noise of readings; False if NaN.
-
-    Far: by more than `ADEQUACY.chance` (a share of the motion), and by more than the noise of
-    readings. error and floor are relative to the motion.
-
-    A noise model of slow forces predicts any error of free runs as chance, including one from
-    unknown physics: an answer can be adequate and still predict badly.
-    """
-    return beyond_noise(error, floor) and error**2 - floor**2 > ADEQUACY.chance**2
-
-
-def beyond_noise(error: float, floor: float) -> bool:
-    """Whether more than half of a squared error is not noise of readings."""
-    return error**2 > 2.0 * floor**2
-
-
-def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experiment]) -> bool:
-    """Whether free runs of an answer `wander` on recordings that it was fitted to."""
-    device = final.model.acting(final.x)
-    seen = [final.model.seen(e, final.x) for e in experiments]
-    runs = [free_run_errors(device, e, observer.gain, window(e)) for e in seen]
-    errors, signal = (np.concatenate([run[i][:, 0] for run in runs]) for i in (0, 1))
-    floor = float(deviation(device, seen, observer.gain)[0])
-    with np.errstate(all="ignore"):  # infinite after an overflow
-        size = float(np.sqrt(np.mean(signal**2))) if signal.size else 0.0
-        error = float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
-    return size > 0.0 and wander(min(error, OVERFLOW) / size, floor / size)
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:

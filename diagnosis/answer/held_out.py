@@ -1,21 +1,20 @@
 """Errors of the model on held-out data: one step ahead, and in free runs over windows."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.straying import rms, strayed, unavoidable
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import begun
-from zwidth.diagnosis.noise.gaps import Gain
 from zwidth.diagnosis.noise.predictor import (
     Observer,
     deviation,
-    free_run_errors,
     innovations,
     settling,
-    window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
@@ -53,6 +52,7 @@ def held_out(
     gain = found.judge.gain
     step = [e.measured[settling(e) :, 0] for e in judge_by]
     windows = swing = rms([y - y.mean() for y in step])
+    error, built, scaled = math.nan, device, list[Experiment]()
     one: list[float] = []
     free: list[float] = []
     for model, x in models_of(device, found).values():
@@ -61,14 +61,15 @@ def held_out(
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
         one.append(rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
-        error, windows = _free(built, scaled, gain)
+        error, windows = strayed(built, scaled, gain)
         free.append(error / windows)
     model, x = found.final.model, found.final.x
     fitted_on = [model.seen(e, x) for e in found.problem.experiments]
-    noise = float(deviation(model.acting(x), fitted_on, gain)[0])
+    noise = deviation(model.acting(x), fitted_on, gain)
+    floor = unavoidable(built, scaled, found.judge, noise, error)  # both of the answer, the last
     return (
-        HeldOut(one[0], one[1], one[2], noise / swing),
-        HeldOut(free[0], free[1], free[2], noise / windows),
+        HeldOut(one[0], one[1], one[2], float(noise[0]) / swing),
+        HeldOut(free[0], free[1], free[2], floor / windows),
     )
 
 
@@ -78,17 +79,5 @@ def free_share(
     """Return the error of free runs of a model over the motion, computed as in `held_out`."""
     built = model.acting(x)
     seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
-    error, windows = _free(built, seen, observer.gain)
-    return error / windows
-
-
-def _free(device: Device, seen: Sequence[Experiment], gain: Gain) -> tuple[float, float]:
-    """The error of free runs in the first output, and the motion in their windows; both rms."""
-    runs = [free_run_errors(device, e, gain, window(e)) for e in seen]
-    return rms([error[:, 0] for error, _ in runs]), rms([signal[:, 0] for _, signal in runs])
-
-
-def rms(parts: Sequence[Floats]) -> float:
-    """Return the rms of all parts together, NaN if they are empty."""
-    joined = np.concatenate(parts)
-    return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")
+    error, motion = strayed(built, seen, observer.gain)
+    return error / motion

@@ -8,10 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from zwidth.diagnosis.answer.adequacy import beyond_noise, oftener_freer
-from zwidth.diagnosis.answer.held_out import free_share, held_out, rms
+from zwidth.diagnosis.answer.adequacy import oftener_freer
+from zwidth.diagnosis.answer.held_out import free_share, held_out
 from zwidth.diagnosis.answer.laws import Law, LearnedLaw, LearnedSurface, factors, like_what
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.straying import beyond_noise, rms
 from zwidth.diagnosis.answer.whole_run import finite_rms, free_run
 from zwidth.diagnosis.learning.curves import Learned, laws, promising, replacing
 from zwidth.diagnosis.learning.surfaces import surfaces

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.held_out import rms
+from zwidth.diagnosis.answer.straying import rms
 from zwidth.diagnosis.answer.whole_run import simulated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment

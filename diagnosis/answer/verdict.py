@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, beyond_noise, wander
+from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.levels import NextLevel
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, HeldOut, Verdict
+from zwidth.diagnosis.answer.straying import beyond_noise, wander
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import Fault

@@ -121,7 +121,7 @@ class Many:
             starts = experiment.start
             own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.external(population.dof)
-            (wide,), columns = along([gain], experiment.bridged, experiment.phases)
+            (wide,), columns = along([gain], experiment.bridged, experiment.motions)
             recorded = Recorded(
                 plain.command, plain.readings, experiment.places(population), force, arriving,
                 plain.strengths, plain.uncounted, columns,

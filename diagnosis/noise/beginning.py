@@ -142,9 +142,10 @@ class Beginnings:
 
 
 def begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """Return a recording with the initial state of another version of it, without a search."""
+    """Return a recording with initial state and motions of another version, without a search."""
+    e = replace(e, motions=other.motions)
     if e.before is None or other.before is None:
-        return replace(e, start=other.start, phases=other.phases)
+        return replace(e, start=other.start)
     return replace(e, before=begun_as(e.before, other.before))
 
 
@@ -252,7 +253,7 @@ def innovations_each(
     """
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)
-    wide, columns = along(gains, experiment.bridged, experiment.phases)
+    wide, columns = along(gains, experiment.bridged, experiment.motions)
     recorded = Recorded(
         experiment.command, experiment.readings, experiment.places(population), force,
         strengths=experiment.strengths, uncounted=experiment.uncounted, columns=columns,

@@ -18,12 +18,12 @@ from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import Beginnings, by_own_slopes, with_play
-from zwidth.diagnosis.noise.gaps import Changing, Gain, Phases, changing, steadily
+from zwidth.diagnosis.noise.gaps import Changing, Gain, changing, steadily
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
     Observer,
-    in_phases,
+    in_motion,
     innovations,
     prepared,
     told,
@@ -31,7 +31,6 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.noise.steady import (
     NoObserver,
-    is_unseen_behind_play,
     links_with_play,
     steady_gains,
     with_apart,
@@ -45,7 +44,7 @@ Floats = NDArray[np.float64]
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
 SLOWER = 1e-2  # of the likeliest ratio, of an observer that leaves more of missing physics to see
-WORTH = 1.0  # in -2 ln, for which phases are sought again
+WORTH = 1.0  # in -2 ln, for which a motion is followed again
 NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
 
@@ -95,12 +94,12 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
 class Course(NamedTuple):
     """What an observer found of a recording.
 
-    start (2n,): the addition to positions and velocities at its beginning; phases (ticks,): as in
+    start (2n,): the addition to positions and velocities at its beginning; motions: as in
     `Experiment`.
     """
 
     start: Floats
-    phases: Phases | None = None
+    motions: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class Noise:
 
 def _as(experiments: Sequence[Experiment], courses: Sequence[Course]) -> list[Experiment]:
     each = zip(experiments, courses, strict=True)
-    return [replace(e, start=b.start, phases=b.phases) for e, b in each]
+    return [replace(e, start=b.start, motions=b.motions) for e, b in each]
 
 
 def likeliest(
@@ -138,7 +137,7 @@ def likeliest(
     again.
     """
     began = _Began(experiments, model, x, family)
-    known = begun is not None and all(c.phases is not None for c in begun)
+    known = begun is not None and all(began.has_states_of(c) for c in begun)
     with reason("noise"):
         found = began.noises(family, begun) if begun and known else began.linear()
     if not found:
@@ -152,12 +151,12 @@ def likeliest(
     with reason("beginnings"):
         if not known:
             best = began.better(best, begun or began.starts(best))
-        if not began.comes_apart or (begun and not known):
+        if begun and not known:
             return best
         near, cost = family, math.inf
         while best.cost < cost - WORTH:
             cost = best.cost
-            asked = began.noises(near, began.in_phases(best))
+            asked = began.noises(near, began.in_motion(best))
             best = min([best, *asked], key=lambda noise: noise.cost)
             near = near.near(best.observer.ratio)
         return best
@@ -206,23 +205,27 @@ class _Began:
     ) -> None:
         self.experiments, self.family, self.device = experiments, family, model.acting(x)
         self.seen = [model.seen(e, x) for e in experiments]
-        self.comes_apart = is_unseen_behind_play(self.device, self.seen[0])
 
-    def gains(self, ratios: Sequence[float], *, apart: bool) -> list[tuple[float, Gain]]:
-        """Return the ratios that have an observer, with its gain; apart: as in `gaps.changing`."""
+    def has_states_of(self, course: Course) -> bool:
+        """Whether motions are known, of as many states as this device has."""
+        known = course.motions
+        return known is not None and known.shape[1] == self.device.bare().plant().size
+
+    def gains(self, ratios: Sequence[float], *, follows: bool) -> list[tuple[float, Gain]]:
+        """Return the ratios that have an observer, with its gain; follows: as in `gaps`."""
         bare, first = self.device.bare(), self.seen[0]
         gains = steady_gains([bare] * len(ratios), first, np.array(ratios))
         if links := links_with_play(self.device):
             gains = with_apart(bare, links, first, gains)
         return [
-            (ratio, changing(bare, self.seen, ratio, gain, apart=apart))
+            (ratio, changing(bare, self.seen, ratio, gain, follows=follows))
             for ratio, gain in zip(ratios, gains, strict=True)
             if np.all(np.isfinite(gain))
         ]
 
     def linear(self) -> list[Noise]:
         """Return the noise models of steady observers, which begin as linear ones do."""
-        each = self.gains(self.family.ratios, apart=False)
+        each = self.gains(self.family.ratios, follows=False)
         if not each:
             return []
         usable = [gain for _, gain in each]
@@ -237,8 +240,8 @@ class _Began:
         return [noise for noise in found if noise is not None]
 
     def noises(self, family: Family, courses: Sequence[Course]) -> list[Noise]:
-        """Return the noise models of a family on given courses, in their phases."""
-        each = self.gains(family.ratios, apart=True)
+        """Return the noise models of a family on given courses, in their motions."""
+        each = self.gains(family.ratios, follows=True)
         if not each:
             return []
         gains = [gain for _, gain in each]
@@ -260,16 +263,21 @@ class _Began:
             for e, c in each
         ]
 
-    def in_phases(self, noise: Noise) -> list[Course]:
-        """Return the courses with the phases that an observer predicts."""
+    def in_motion(self, noise: Noise) -> list[Course]:
+        """Return the courses with the motions along which the noise's observer follows them."""
+        observer = noise.observer
+        gain = changing(
+            self.device.bare(), self.seen, observer.ratio, steadily(observer.gain), follows=True
+        )
         each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
-        gain = noise.observer.gain
-        return [c._replace(phases=in_phases(self.device, e, gain).phases) for e, c in each]
+        assert isinstance(gain, Changing)
+        unit = _unit(observer, gain)
+        return [c._replace(motions=in_motion(self.device, e, gain, unit).motions) for e, c in each]
 
     def better(self, noise: Noise, courses: Sequence[Course]) -> Noise:
         """Return the noise with the same observer on other courses, if it is no worse."""
         pairs = zip(courses, noise.courses, strict=True)
-        if all(a.start is b.start and a.phases is b.phases for a, b in pairs):
+        if all(a.start is b.start and a.motions is b.motions for a, b in pairs):
             return noise
         plain, gain = prepared(self.device, SEARCHING), noise.observer.gain
         errors = [
@@ -286,23 +294,29 @@ class _Began:
 def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
     """Return the recording with what an observer finds of it: its initial state, and its course."""
     gain = observer.gain
-    apart = isinstance(gain, Changing) and gain.apart is not None
+    follows = gain if isinstance(gain, Changing) and gain.follows else None
     if experiment.before is not None:
         whole = replace(experiment, before=begun(device, experiment.before, observer))
-        return in_phases(device, whole, gain) if apart else whole
-    if apart:  # a ratio that suits it may suit no steady gain
+        return in_motion(device, whole, follows, _unit(observer, follows)) if follows else whole
+    if follows:  # a ratio that suits it may suit no steady gain
         alone = Model(device)
         family = blind(observer.ratio) if observer.whitening is None else NEXT_SAMPLE
         noise = likeliest([experiment], alone, np.zeros(alone.linear_count), family)
         (first,) = _as([experiment], noise.courses)
-        if first.phases is None:
-            first = in_phases(device, first, steadily(noise.observer.gain))
-        asked = [first, in_phases(device, first, gain)]
+        asked = [in_motion(device, first, follows, _unit(observer, follows))]
+        asked += [first] if first.motions is not None else []
         white = [observer.weigh(innovations(device, e, gain), e.uncounted) for e in asked]
         with np.errstate(all="ignore"):  # infinite after an overflow
             return asked[int(np.argmin([np.nan_to_num(np.sum(w**2), nan=np.inf) for w in white]))]
     (linear,) = Beginnings(experiment.on(device), [gain]).of(experiment)
     return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
+
+
+def _unit(observer: Observer, gain: Changing) -> float:
+    """Deviation of a position's measurement, from that of the first innovation."""
+    p, _, c, _, noise = gain.spread
+    own = float((c @ p @ c.T + noise)[0, 0])
+    return float(observer.deviation[0]) * math.sqrt(observer.counts * observer.told / own)
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:

@@ -14,16 +14,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after, onward
+from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
+from zwidth.sim.extended import Uncertain, motions_along
 from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.population import Population
-from zwidth.sim.predict import GROUND, Gains, Outputs, alone, copied, freely
+from zwidth.sim.population import Population, Recorded
+from zwidth.sim.predict import GROUND, Gains, Outputs, alone, freely
 from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,6 @@ SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first s
 MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
-PART, AGAIN = 100, 6  # ticks in which phases are found together; times that they are sought
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ def memory_at(
     The rest of a recording begins as the part before it ends.
     """
     eq, fine = ready
-    (wide,), columns = along([gain], experiment.lost, experiment.all_phases)
+    (wide,), columns = along([gain], experiment.lost, experiment.all_motions)
     full = padded(wide, experiment.on(device), eq, experiment)
     full = Gains(full, columns) if columns.size else full
     if experiment.before is None:
@@ -340,75 +340,39 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
     return -found[:, o:]
 
 
-def in_phases(device: Device, experiment: Experiment, gain: Gain) -> Experiment:
-    """Return the recording with its phases (`Experiment.phases`).
+def in_motion(device: Device, experiment: Experiment, gain: Changing, unit: float) -> Experiment:
+    """Return the recording with its `motions`, along which a filter of the gain's noise follows it.
 
-    A link carries nothing where the motion that an observer predicts leaves it within its play. If
-    the gains depend on that, both are found together, one part of the recording after another.
+    unit: deviation of a position's measurement. Sensors read the true motion here, since a reading
+    in steps has no slope. Raises NoObserver if the device needs too many substeps.
     """
     before = experiment.before
-    if before is not None and before.phases is None:
-        experiment = replace(experiment, before=in_phases(device, before, gain))
-    ticks, known = experiment.ticks, experiment.phases
-    phases = np.zeros(ticks, dtype=np.uint8) if known is None else known.copy()
-    experiment = replace(experiment, phases=phases)
-    follower = _Follower(device, experiment, gain)
-    if not (isinstance(gain, Changing) and gain.apart):
-        phases[:], _ = follower.phases(slice(0, ticks), follower.full)
-        return experiment
-    lost, o = np.zeros(ticks, dtype=np.bool_), len(experiment.outputs)
-    lost = lost if experiment.bridged is None else experiment.bridged
-    p, total = covariance_after(gain, experiment.before), follower.total
-    for first in range(0, ticks, PART):
-        now, there, after = slice(first, min(first + PART, ticks)), follower.memory, p
-        for _ in range(AGAIN):
-            found, after = onward(gain, p, lost[now], phases[now])
-            own = follower.padded(found.reshape(found.shape[0], -1))
-            columns = np.zeros(total, dtype=np.int64)
-            columns[total - ticks + first :][: now.stop - first] = o * np.arange(now.stop - first)
-            told, there = follower.phases(now, Gains(np.hstack([own, own]), columns))
-            same = np.array_equal(told, phases[now])
-            phases[now] = told
-            if same:
-                break
-        follower.memory, p = there, after
-    return experiment
-
-
-class _Follower:
-    """A device whose positions an observer predicts, from the first sample on."""
-
-    def __init__(self, device: Device, experiment: Experiment, gain: Gain) -> None:
-        sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
-        self.bare = device.without_physics(*sensors) if sensors else device
-        self.masses, self.experiment = device.chain.masses.size, experiment
-        self.plays = [p for p in experiment.on(device).physics if p.effect.name == "backlash"]
-        positions = (Output("position", i, truly=True) for i in range(self.masses))
-        wide = replace(experiment, outputs=(*experiment.outputs, *positions))
-        self.eq, self.fine = ready = prepared(experiment.on(self.bare), SEARCHING)
-        self.places, self.forces = wide.places(self.eq), experiment.external(self.eq.dof)
-        self.readings = np.hstack([experiment.readings, np.zeros((experiment.ticks, self.masses))])
-        self.memory, self.full = memory_at(ready, experiment, self.bare, gain)
-        self.total = int(self.memory.counters[0]) + experiment.ticks
-
-    def padded(self, gain: Floats) -> Floats:
-        """Return gains for all states."""
-        return padded(gain, self.bare, self.eq, self.experiment)
-
-    def phases(self, now: slice, observer: Floats | Gains) -> tuple[NDArray[np.uint8], Memory]:
-        """Return the phases of some samples, and the memory after them."""
-        o, there = len(self.experiment.outputs), copied(self.memory)
-        moved = -alone(
-            self.eq, self.fine, self.places, self.experiment.command[now], self.readings[now],
-            _beside(observer, o, self.masses), self.forces[now], there,
-            self.experiment.strengths_in(now),
-        )[:, o:]  # fmt: skip
-        found = np.zeros(moved.shape[0], dtype=np.uint8)
-        for play in self.plays:
-            link = play.place.index
-            inside = np.abs(moved[:, link + 1] - moved[:, link]) < 0.5 * play.values["gap"]
-            found |= inside.astype(np.uint8) << link
-        return found, there
+    if before is not None and before.motions is None:
+        experiment = replace(experiment, before=in_motion(device, before, gain, unit))
+    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+    bare = device.without_physics(*sensors) if sensors else device
+    there = experiment.on(bare)
+    few, many = substeps_of(there, SEARCHING)
+    population = Population([there], few, many)
+    ready = prepared(there, SEARCHING)
+    begins, _ = memory_at(ready, experiment, bare, gain)
+    eq, n = ready.coarse, gain.spread.p.shape[0]
+    half = n // 2
+    own = np.concatenate([np.arange(half), eq.dof + np.arange(half), np.full(n % 2, eq.states - 1)])
+    recorded = Recorded(
+        experiment.command, experiment.readings, experiment.places(eq),
+        experiment.external(eq.dof), strengths=experiment.strengths,
+    )  # fmt: skip
+    known = Uncertain(
+        covariance_after(gain, experiment.before), gain.spread.process, gain.spread.c,
+        np.diag(gain.spread.noise).copy(), unit,
+    )  # fmt: skip
+    lost = experiment.bridged
+    motions = motions_along(
+        population, recorded, begins, padded(np.eye(n), bare, eq, experiment), own, known,
+        np.zeros(experiment.ticks, np.bool_) if lost is None else lost,
+    )  # fmt: skip
+    return replace(experiment, motions=motions)
 
 
 def driven(device: Device, experiment: Experiment, gain: Gain, errors: Floats) -> Floats:

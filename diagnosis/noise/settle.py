@@ -27,7 +27,7 @@ def prepared_for(
     With play, what an observer of nearly the same model found of the recordings is kept, since
     finding it takes long.
     """
-    known = [Course(e.start, e.phases) for e in experiments if e.start is not None]
+    known = [Course(e.start, e.motions) for e in experiments if e.start is not None]
     play = with_play((*model.nominal.physics, *model.effects))
     begun = known if play and len(known) == len(experiments) else None
     return likeliest(experiments, model, x, family, begun).problem(experiments)

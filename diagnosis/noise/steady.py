@@ -205,12 +205,6 @@ def with_apart(
     return np.concatenate([gains, free], axis=-1)
 
 
-def is_unseen_behind_play(device: Device, experiment: Experiment) -> bool:
-    """Whether a link of a device has play, and something behind it has no output."""
-    links, whole = links_with_play(device), np.ones((device.plant().size, len(experiment.outputs)))
-    return any(not with_apart(device, [link], experiment, whole).all() for link in links)
-
-
 def parted_plant(device: Device, links: Sequence[int]) -> Plant:
     """Return the linear equations of a device of which links carry nothing."""
     chain = device.chain

@@ -38,7 +38,7 @@ STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that o
 STEADY = 0.05  # the same for the command's means over blocks; a ramp exceeds it
 LATE = 0.25  # of the period: largest mean lengthening of the intervals of a late loop
 SAMPLED = ("command", "measured", "sensor_error", "dropped", "force", "base", "pushes",
-           "strengths", "bridged", "uncounted", "phases")  # fmt: skip
+           "strengths", "bridged", "uncounted", "motions")  # fmt: skip
 WAITS = 0.1  # of its swing: least motion in the first samples of a recording
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
@@ -127,8 +127,9 @@ class Experiment(Valued):
     own: names of parameters with their own value, each with a word that is the same in recordings
     that share the value. bridged (ticks,): where nothing was measured and `measured` is
     interpolated; None for nowhere. uncounted (ticks,): samples that do not judge: bridged ones, and
-    those that the observer needs after each gap to find the state again. phases (ticks,): bit l is
-    set while link l has play and carries nothing, as an observer found last; None if not known.
+    those that the observer needs after each gap to find the state again. motions (ticks, n, n): how
+    a small difference in a device's n states goes on over each tick, along the motion that an
+    observer of it found last; None if not known.
     """
 
     period: float
@@ -156,7 +157,7 @@ class Experiment(Valued):
     own: tuple[tuple[str, str], ...] = ()
     bridged: NDArray[np.bool_] | None = None
     uncounted: NDArray[np.bool_] | None = None
-    phases: NDArray[np.uint8] | None = None
+    motions: Floats | None = None
 
     @property
     def readings(self) -> Floats:
@@ -171,9 +172,9 @@ class Experiment(Valued):
         return self._with_before(lambda e: e.bridged)
 
     @property
-    def all_phases(self) -> NDArray[np.uint8] | None:
-        """The phases (all ticks,), those of `before` first; None if not known."""
-        return self._with_before(lambda e: e.phases)
+    def all_motions(self) -> Floats | None:
+        """The motions (all ticks, n, n), those of `before` first; None if not known."""
+        return self._with_before(lambda e: e.motions)
 
     def _with_before(self, of: Callable[["Experiment"], NDArray[Any] | None]) -> Any:
         parts, part = list["Experiment"](), self
@@ -185,7 +186,7 @@ class Experiment(Valued):
         if known is None:
             return None
         filled = [
-            np.zeros(e.ticks, known.dtype) if a is None else a
+            np.zeros((e.ticks, *known.shape[1:]), known.dtype) if a is None else a
             for a, e in zip(each, parts, strict=True)
         ]
         return np.concatenate(filled)

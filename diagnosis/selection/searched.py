@@ -20,7 +20,8 @@ from functools import partial
 from operator import is_
 
 from zwidth.diagnosis.account import spent
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
+from zwidth.diagnosis.answer.straying import wandering
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
