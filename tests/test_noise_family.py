@@ -6,7 +6,7 @@ from fitting_examples import drive, play, recording
 
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family, likeliest, noises
-from zwidth.diagnosis.noise.gaps import steadily
+from zwidth.diagnosis.noise.gaps import Changing, steadily
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.sim.physics import make_physics
@@ -35,7 +35,10 @@ def test_each_of_the_family_is_what_it_is_by_itself(physics: tuple[object, ...])
         assert noise.cost == pytest.approx(own.observer.cost(own.weighted(model, x)), abs=1e-6)
         # Other substeps in ticks that turn, as for a search: half a unit of some 10 000.
         expected = alone.observer.cost(alone.weighted(model, x))
-        assert noise.cost == pytest.approx(expected, rel=2e-3)
+        if isinstance(alone.observer.gain, Changing):  # with play, along the motion
+            assert expected < noise.cost
+        else:
+            assert noise.cost == pytest.approx(expected, rel=2e-3)
 
 
 def test_what_scatters_by_its_encoder_alone_is_believed_and_what_is_pushed_is_not() -> None:
