@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.answer.straying import rms, strayed, unavoidable
+from zwidth.diagnosis.answer.straying import rms, strayed
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import begun
 from zwidth.diagnosis.noise.predictor import (
@@ -52,7 +52,7 @@ def held_out(
     gain = found.judge.gain
     step = [e.measured[settling(e) :, 0] for e in judge_by]
     windows = swing = rms([y - y.mean() for y in step])
-    error, built, scaled = math.nan, device, list[Experiment]()
+    typical = math.nan
     one: list[float] = []
     free: list[float] = []
     for model, x in models_of(device, found).values():
@@ -61,15 +61,14 @@ def held_out(
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
         one.append(rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
-        error, windows = strayed(built, scaled, gain)
+        error, typical, windows = strayed(built, scaled, gain)
         free.append(error / windows)
     model, x = found.final.model, found.final.x
     fitted_on = [model.seen(e, x) for e in found.problem.experiments]
-    noise = deviation(model.acting(x), fitted_on, gain)
-    floor = unavoidable(built, scaled, found.judge, noise, error)  # both of the answer, the last
+    noise = float(deviation(model.acting(x), fitted_on, gain)[0])
     return (
-        HeldOut(one[0], one[1], one[2], float(noise[0]) / swing),
-        HeldOut(free[0], free[1], free[2], floor / windows),
+        HeldOut(one[0], one[1], one[2], noise / swing),
+        HeldOut(free[0], free[1], free[2], noise / windows, typical / windows),  # of the answer
     )
 
 
@@ -79,5 +78,5 @@ def free_share(
     """Return the error of free runs of a model over the motion, computed as in `held_out`."""
     built = model.acting(x)
     seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
-    error, motion = strayed(built, seen, observer.gain)
+    error, _, motion = strayed(built, seen, observer.gain)
     return error / motion

@@ -145,16 +145,20 @@ class Finding(Valued):
 
 @dataclass(frozen=True)
 class HeldOut(Valued):
-    """rms error over rms of the signal on data not fitted to; noise_floor: the unavoidable part."""
+    """rms error over rms of the signal on data not fitted to; noise_floor: the unavoidable part.
+
+    typical: of free runs, the error of the answer's typical one (`straying`), None for `after`.
+    """
 
     before: float
     refit: float
     after: float
     noise_floor: float
+    typical: float | None = None
 
     def as_json(self) -> dict[str, float]:
         """Return the JSON form."""
-        return dict(vars(self))
+        return {name: value for name, value in vars(self).items() if name != "typical"}
 
 
 UNKNOWN_FIT = HeldOut(np.nan, np.nan, np.nan, np.nan)

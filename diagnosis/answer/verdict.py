@@ -142,7 +142,8 @@ class Facts:
     @property
     def strays(self) -> bool:
         """Whether chance must explain much of the error of free runs."""
-        return wander(self.free.after, self.free.noise_floor)
+        free = self.free
+        return wander(free.after if free.typical is None else free.typical, free.noise_floor)
 
     @property
     def moved(self) -> list[str]:
