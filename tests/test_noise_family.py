@@ -5,7 +5,7 @@ import pytest
 from fitting_examples import drive, play, recording
 
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import Family, likeliest, noises
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, likeliest, noises
 from zwidth.diagnosis.noise.gaps import Changing, steadily
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -60,3 +60,12 @@ def test_where_nothing_follows_it_says_so() -> None:
     x[[p.name for p in model.parameters].index("b1")] = -25.0
     with pytest.raises(NoObserver, match="linear"):
         likeliest([made], model, x)
+
+
+def test_a_ratio_beyond_the_family_is_near_its_end() -> None:
+    """An observer that trusts the device a thousand times more; mutation: no ratio at all."""
+    for ratio, end in ((1e-13, 0), (1e10, -1)):
+        near = NEXT_SAMPLE.near(ratio).ratios
+        assert NEXT_SAMPLE.ratios[end] in near
+        assert len(near) == 3
+    assert Family((1e-3,)).near(1e3).ratios == (1e-3,)

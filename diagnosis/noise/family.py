@@ -66,8 +66,9 @@ class Family:
         return replace(self, ratios=(ratio,))
 
     def near(self, ratio: float) -> "Family":
-        """Return the family of ratios near one."""
-        about = [r for r in self.ratios if abs(math.log10(r / ratio)) < NEAR_RATIOS]
+        """Return the family of ratios near one, or near its own end if that is beyond it."""
+        there = min(max(ratio, min(self.ratios)), max(self.ratios))
+        about = [r for r in self.ratios if abs(math.log10(r / there)) < NEAR_RATIOS]
         return replace(self, ratios=tuple(about))
 
 
