@@ -533,6 +533,22 @@ def test_a_law_elsewhere_begins_with_the_same_numbers() -> None:
     assert dict(moved.values) == pytest.approx(dict(own.values))
 
 
+def test_a_lag_of_the_sensor_is_tried_as_strong_in_place_of_one_of_the_drive() -> None:
+    """Either fits as well; screened from weak ones, the other was no rival of what was identified.
+
+    Mutation: `replaced` without what is mistaken for it.
+    """
+    lag = make_physics("actuator_lag", "command", time_constant=4e-3)
+    made = [recording(drive().with_physics(lag), 2000, 1)]
+    model = Model(drive()).with_effect(lag, {"time_constant": 1e-3})
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    proposed = {next(iter(p.labels)): p for p in replaced(0)(h, QUICK)}
+    there = proposed["sensor_lag@sensor"]
+    (own,), (moved,) = h.model.effects_at(h.x), there.model.effects_at(there.x)
+    assert there.akin
+    assert dict(moved.values) == pytest.approx(dict(own.values))
+
+
 def test_an_effect_stands_above_none_of_it_and_not_above_what_is_in_its_place(
     rubbed: list[Experiment],
 ) -> None:
