@@ -103,6 +103,8 @@ def along(
     """
     made = [g for g in gains if isinstance(g, Changing)]
     known = motions if any(g.follows for g in made) else None
+    if known is not None and known.shape[1] != made[0].spread.p.shape[0]:
+        known = None  # of a device with other states
     gone = lost if lost is not None and lost.any() else None
     if len(made) < len(gains) or (known is None and gone is None):
         return [steadily(g) for g in gains], np.zeros(0, dtype=np.int64)
