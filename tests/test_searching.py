@@ -516,6 +516,15 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
     assert found.cost.total < h.cost.total - 100.0
 
 
+def assert_as_strong(h: Hypothesis, label: str) -> None:
+    """Assert that a law is tried in place of the only one with the same numbers."""
+    proposed = {next(iter(p.labels)): p for p in replaced(0)(h, QUICK)}
+    there = proposed[label]
+    (own,), (moved,) = h.model.effects_at(h.x), there.model.effects_at(there.x)
+    assert there.akin
+    assert dict(moved.values) == pytest.approx(dict(own.values))
+
+
 def test_a_law_elsewhere_begins_with_the_same_numbers() -> None:
     """Behind a stiff link a pendulum at m1 is one at m2, whose fit from a grid ended 467 above.
 
@@ -526,11 +535,7 @@ def test_a_law_elsewhere_begins_with_the_same_numbers() -> None:
     made = [recording(stiff.with_physics(pendulum), 2000, 1)]
     model = Model(stiff).with_effect(pendulum, {"level": 0.06, "angle": 1.0})
     h = settled(judged(made, model, np.zeros(len(model.parameters))))
-    proposed = {next(iter(p.labels)): p for p in replaced(0)(h, QUICK)}
-    there = proposed["gravity_pendulum@m1"]
-    (own,), (moved,) = h.model.effects_at(h.x), there.model.effects_at(there.x)
-    assert there.akin
-    assert dict(moved.values) == pytest.approx(dict(own.values))
+    assert_as_strong(h, "gravity_pendulum@m1")
 
 
 def test_a_lag_of_the_sensor_is_tried_as_strong_in_place_of_one_of_the_drive() -> None:
@@ -542,11 +547,7 @@ def test_a_lag_of_the_sensor_is_tried_as_strong_in_place_of_one_of_the_drive() -
     made = [recording(drive().with_physics(lag), 2000, 1)]
     model = Model(drive()).with_effect(lag, {"time_constant": 1e-3})
     h = settled(judged(made, model, np.zeros(len(model.parameters))))
-    proposed = {next(iter(p.labels)): p for p in replaced(0)(h, QUICK)}
-    there = proposed["sensor_lag@sensor"]
-    (own,), (moved,) = h.model.effects_at(h.x), there.model.effects_at(there.x)
-    assert there.akin
-    assert dict(moved.values) == pytest.approx(dict(own.values))
+    assert_as_strong(h, "sensor_lag@sensor")
 
 
 def test_an_effect_stands_above_none_of_it_and_not_above_what_is_in_its_place(
