@@ -154,7 +154,40 @@ def motions_along(
     these they are. lost (ticks,): samples that correct nothing. Not finite after an overflow.
     Raises ValueError for more than `WIDTH` - 1 states, or devices of several structures.
     """
-    n, o = known.p.shape[0], known.c.shape[0]
+    none = np.zeros((recorded.ticks, 0))
+    return _along(population, recorded, begins, into, own, known, lost, none)
+
+
+def driven_along(
+    population: Population,
+    recorded: Recorded,
+    begins: Memory,
+    into: Floats,
+    own: NDArray[np.int64],
+    known: Uncertain,
+) -> Floats:
+    """Return what one device, moved by innovations as its filter is corrected by them, would read.
+
+    recorded: measured (ticks, 2 o) are innovations e (ticks, o) of outputs that stay zero, then
+    zeros of what is read, from which nothing is corrected. Returns h(x) (ticks, o), without e. The
+    rest as in `motions_along`; here the gains are those of the motion that results.
+    """
+    read = np.zeros((recorded.ticks, known.c.shape[0]))
+    _along(population, recorded, begins, into, own, known, np.zeros(recorded.ticks, np.bool_), read)
+    return read
+
+
+def _along(
+    population: Population,
+    recorded: Recorded,
+    begins: Memory,
+    into: Floats,
+    own: NDArray[np.int64],
+    known: Uncertain,
+    lost: Lost,
+    read: Floats,
+) -> Floats:
+    n, o = known.p.shape[0], recorded.measured.shape[1]
     if n >= WIDTH or len(population.batches) != 1:
         raise ValueError(
             f"{n} states and {len(population.batches)} structures; at most {WIDTH - 1} states of"
@@ -174,7 +207,7 @@ def motions_along(
             in_lanes([begins]), (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)),
             judge_of(np.repeat(np.eye(o)[:, :, None, None], WIDTH, axis=3), 1, 0, (WIDTH,)),
             into, own, known.p.copy(), known.process, known.c, known.noise, known.unit, lost,
-            room_for(n, o), motions,
+            room_for(n, known.c.shape[0]), motions, read,
         )  # fmt: skip
     return motions
 
@@ -182,10 +215,15 @@ def motions_along(
 @jit
 def follow_beside(
     eq, fine, outputs, commands, strengths, measured, reading, external, memory, spaces, saved,
-    judge, into, own, p, process, c, noise, unit, lost, room, motions,
+    judge, into, own, p, process, c, noise, unit, lost, room, motions, read,
 ):  # fmt: skip
-    """Write A (ticks, n, n), see `motions_along`; P is overwritten by the one after them."""
+    """Write A (ticks, n, n), see `motions_along`; P is overwritten by the one after them.
+
+    read: (ticks, 0), or (ticks, o) for what a device that innovations move reads (`driven_along`);
+    all lanes are then moved by the same innovation, so that what they differ by becomes A.
+    """
     n, o = p.shape[0], c.shape[0]
+    apart = o if read.shape[1] == 0 else 0  # outputs by which lanes are corrected differently
     x, observer = memory.x, reading.observer
     for k in range(commands.size):
         corrected(p, c, noise, room.gains, room.left)
@@ -215,8 +253,12 @@ def follow_beside(
         for i in range(n):
             for j in range(n):
                 motions[k, i, j] = (x[own[i], j + 1] - x[own[i], 0]) / room.shifts[j]
+        for a in range(read.shape[1]):
+            read[k, a] = -judge.piece[0, o + a, 0]
         if not lost[k]:
-            for a in range(o):  # F (I + P c' R^-1 c), P being still what it was
+            for a in range(
+                o if read.shape[1] == 0 else 0
+            ):  # F (I + P c' R^-1 c), P still as it was
                 for j in range(n):
                     room.seen[j] = 0.0
                     for m in range(n):
@@ -227,7 +269,7 @@ def follow_beside(
                         room.moved[i, a] += motions[k, i, m] * room.seen[m]
             for i in range(n):
                 for j in range(n):
-                    for a in range(o):
+                    for a in range(apart):
                         motions[k, i, j] += room.moved[i, a] * c[a, j]
                     p[i, j] = room.left[i, j]
         moved_on(p, motions[k], process, room.moved)

@@ -294,7 +294,7 @@ def test_a_device_driven_by_its_innovations_has_these() -> None:
     made = recording(device, 1500, 4, (0, 1))
     gain = observer_for(drive(), made, 1.0)
     errors = 1e-4 * np.random.default_rng(2).standard_normal(made.measured.shape)
-    y = driven(device, made, gain, errors)
+    y = driven(device, made, Observer(gain, np.ones(2), 1.0), errors)
     begins = replace(
         made, measured=y, start=_beginning(made) - _beginning(replace(made, measured=y))
     )

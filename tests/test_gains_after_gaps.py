@@ -9,8 +9,17 @@ from numpy.typing import NDArray
 
 from benchmarks import account_rigs
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.noise.gaps import UNSEEN, Changing, along, changing
-from zwidth.diagnosis.noise.predictor import SETTLING, followed, in_motion, innovations
+from zwidth.diagnosis.noise.predictor import (
+    SETTLING,
+    driven,
+    first_motion,
+    followed,
+    in_motion,
+    innovations,
+    unit_of,
+)
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.noise.steady import (
     FLOOR,
@@ -179,6 +188,33 @@ def test_differences_part_where_a_link_carries_nothing() -> None:
     assert np.mean((far[1] < far[0]) == apart) > 0.9
     assert np.median(far[1][apart]) < 1e-3
     assert np.median(far[0][~apart]) < 0.1
+
+
+def test_a_device_with_play_is_driven_by_the_gains_of_its_own_motion() -> None:
+    """Of two masses with play, the motor alone: a filter along the result finds what drove it.
+
+    Mutations: the gains of the recorded motion; what correcting leaves of a difference, for lanes
+    that are all moved alike.
+    """
+    rig = account_rigs.RIGS["two masses, play and friction"]()
+    rig = replace(rig, physics=rig.physics[:1])
+    truth, e = rig.device.with_physics(*rig.physics), rig.experiment().part(0, 1500)
+    model = Model(truth)
+    noise = likeliest([e], model, np.zeros(len(model.parameters)))
+    (course,), observer = noise.courses, noise.observer
+    e, gain = replace(e, start=course.start, motions=course.motions), observer.gain
+    assert isinstance(gain, Changing)
+    random = np.random.default_rng(4)
+    errors = observer.deviation * random.standard_normal(e.measured.shape)
+    y = driven(truth, e, observer, errors)
+    before, after = (first_motion(e.outputs, read, e.period) for read in (e.measured, y))
+    moved_by = np.repeat(np.subtract(before, after), 2)
+    again = replace(e, measured=y, start=course.start + moved_by)
+    own = in_motion(truth, again, gain, unit_of(observer, gain))
+    left = innovations(truth, own, gain) - errors
+    assert np.sqrt(np.mean(left**2)) < 0.02 * np.sqrt(np.mean(errors**2))
+    as_recorded = innovations(truth, again, gain) - errors
+    assert np.sqrt(np.mean(as_recorded**2)) > 0.1 * np.sqrt(np.mean(errors**2))
 
 
 @pytest.mark.parametrize("friction", [True, False])

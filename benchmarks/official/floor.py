@@ -45,7 +45,7 @@ def floors(answer: Diagnosis, command: Floats, window: int, step: float) -> tupl
             like.period, command, np.zeros(errors.shape), like.outputs, swing=like.swing,
             start=seen.start,
         )  # fmt: skip
-        return driven(device, new, observer.gain, errors)[:, 0]
+        return driven(device, new, observer, errors)[:, 0]
 
     def error(true: Floats, read: Floats) -> float:
         off = answer.predict(command, read[:window]) - true

@@ -57,6 +57,7 @@ from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import begun_as, with_play
 from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.gaps import Changing
 from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
@@ -65,8 +66,10 @@ from zwidth.diagnosis.noise.predictor import (
     first_motion,
     free_run_errors,
     free_runs,
+    in_motion,
     innovations,
     settling,
+    unit_of,
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -324,18 +327,21 @@ def _bootstrapped(
     """
     random = np.random.default_rng(seed)
     root = _known(final)
-    model, gain = final.model, noise.observer.gain
+    model, observer = final.model, noise.observer
+    answer, gain = model.acting(final.x), observer.gain
     x = model.within(final.x + root @ random.standard_normal(root.shape[1]))
     played: list[Experiment] = []
     for i, (e, mine) in enumerate(zip(judge_by, own, strict=True)):
         theirs = model.seen(e, x)
         there = begun_as(theirs, mine)
-        y = driven(model.acting(x), there, gain, noise.drawn(i, random))
+        y = driven(model.acting(x), there, observer, noise.drawn(i, random))
         again = replace(mine, measured=y + (mine.measured - theirs.measured))
         if mine.before is None:
-            again = _begun_again(model.acting(final.x), again, mine, noise.observer)
+            again = _begun_again(answer, again, mine, observer)
+        if isinstance(gain, Changing) and gain.follows:
+            again = in_motion(answer, again, gain, unit_of(observer, gain))
         played.append(again)
-    return np.stack(_judged(_runs(final, noise.observer, played, lengths), spans))
+    return np.stack(_judged(_runs(final, observer, played, lengths), spans))
 
 
 def _begun_again(

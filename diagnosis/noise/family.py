@@ -27,6 +27,7 @@ from zwidth.diagnosis.noise.predictor import (
     innovations,
     prepared,
     told,
+    unit_of,
     whitened,
 )
 from zwidth.diagnosis.noise.steady import (
@@ -272,7 +273,7 @@ class _Began:
         )
         each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
         assert isinstance(gain, Changing)
-        unit = _unit(observer, gain)
+        unit = unit_of(observer, gain)
         return [c._replace(motions=in_motion(self.device, e, gain, unit).motions) for e, c in each]
 
     def better(self, noise: Noise, courses: Sequence[Course]) -> Noise:
@@ -298,26 +299,19 @@ def begun(device: Device, experiment: Experiment, observer: Observer) -> Experim
     follows = gain if isinstance(gain, Changing) and gain.follows else None
     if experiment.before is not None:
         whole = replace(experiment, before=begun(device, experiment.before, observer))
-        return in_motion(device, whole, follows, _unit(observer, follows)) if follows else whole
+        return in_motion(device, whole, follows, unit_of(observer, follows)) if follows else whole
     if follows:  # a ratio that suits it may suit no steady gain
         alone = Model(device)
         family = blind(observer.ratio) if observer.whitening is None else NEXT_SAMPLE
         noise = likeliest([experiment], alone, np.zeros(alone.linear_count), family)
         (first,) = _as([experiment], noise.courses)
-        asked = [in_motion(device, first, follows, _unit(observer, follows))]
+        asked = [in_motion(device, first, follows, unit_of(observer, follows))]
         asked += [first] if first.motions is not None else []
         white = [observer.weigh(innovations(device, e, gain), e.uncounted) for e in asked]
         with np.errstate(all="ignore"):  # infinite after an overflow
             return asked[int(np.argmin([np.nan_to_num(np.sum(w**2), nan=np.inf) for w in white]))]
     (linear,) = Beginnings(experiment.on(device), [gain]).of(experiment)
     return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
-
-
-def _unit(observer: Observer, gain: Changing) -> float:
-    """Deviation of a position's measurement, from that of the first innovation."""
-    p, _, c, _, noise = gain.spread
-    own = float((c @ p @ c.T + noise)[0, 0])
-    return float(observer.deviation[0]) * math.sqrt(observer.counts * observer.told / own)
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:
