@@ -138,55 +138,43 @@ def gains_along(p, motions, process, c, noise, lost, room, gains):
         moved_on(p, motions[k if motions.shape[0] > 1 else 0], process, room.moved)
 
 
-def motions_along(
-    population: Population,
-    recorded: Recorded,
-    begins: Memory,
-    into: Floats,
-    own: NDArray[np.int64],
-    known: Uncertain,
-    lost: Lost,
-) -> Floats:
-    """Return A (ticks, n, n) along the motion that the filter finds of one device.
+class Filter(NamedTuple):
+    """One device whose recording a filter follows, from its memory before the first sample.
 
-    population: of this device alone; begins: its state before the first sample. into (states, n):
-    by what a difference in each of the n states changes those of the device; own (n,): which of
-    these they are. lost (ticks,): samples that correct nothing. Not finite after an overflow.
-    Raises ValueError for more than `WIDTH` - 1 states, or devices of several structures.
+    population: of this device alone. into (states, n): by what a difference in each of the n states
+    changes those of the device; own (n,): which of these they are. known: before the first sample.
     """
-    none = np.zeros((recorded.ticks, 0))
-    return _along(population, recorded, begins, into, own, known, lost, none)
+
+    population: Population
+    begins: Memory
+    into: Floats
+    own: NDArray[np.int64]
+    known: Uncertain
 
 
-def driven_along(
-    population: Population,
-    recorded: Recorded,
-    begins: Memory,
-    into: Floats,
-    own: NDArray[np.int64],
-    known: Uncertain,
-) -> Floats:
-    """Return what one device, moved by innovations as its filter is corrected by them, would read.
+def motions_along(by: Filter, recorded: Recorded, lost: Lost) -> Floats:
+    """Return A (ticks, n, n) along the motion that a filter finds.
+
+    lost (ticks,): samples that correct nothing. Not finite after an overflow. Raises ValueError for
+    more than `WIDTH` - 1 states, or devices of several structures.
+    """
+    return _along(by, recorded, lost, np.zeros((recorded.ticks, 0)))
+
+
+def driven_along(by: Filter, recorded: Recorded) -> Floats:
+    """Return h(x) (ticks, o) of a device that innovations move as they correct its filter.
 
     recorded: measured (ticks, 2 o) are innovations e (ticks, o) of outputs that stay zero, then
-    zeros of what is read, from which nothing is corrected. Returns h(x) (ticks, o), without e. The
-    rest as in `motions_along`; here the gains are those of the motion that results.
+    zeros of what is read, from which nothing is corrected. The gains are those of the motion that
+    results. Raises ValueError like `motions_along`.
     """
-    read = np.zeros((recorded.ticks, known.c.shape[0]))
-    _along(population, recorded, begins, into, own, known, np.zeros(recorded.ticks, np.bool_), read)
+    read = np.zeros((recorded.ticks, by.known.c.shape[0]))
+    _along(by, recorded, np.zeros(recorded.ticks, np.bool_), read)
     return read
 
 
-def _along(
-    population: Population,
-    recorded: Recorded,
-    begins: Memory,
-    into: Floats,
-    own: NDArray[np.int64],
-    known: Uncertain,
-    lost: Lost,
-    read: Floats,
-) -> Floats:
+def _along(by: Filter, recorded: Recorded, lost: Lost, read: Floats) -> Floats:
+    population, known = by.population, by.known
     n, o = known.p.shape[0], recorded.measured.shape[1]
     if n >= WIDTH or len(population.batches) != 1:
         raise ValueError(
@@ -204,9 +192,10 @@ def _along(
             coarse.eq, fine.eq, recorded.outputs, recorded.command,
             np.zeros(0) if recorded.strengths is None else recorded.strengths, recorded.measured,
             reading, np.zeros((0, coarse.eq.dof)) if external is None else external,
-            in_lanes([begins]), (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)),
+            in_lanes([by.begins]), (coarse.scratch, fine.scratch),
+            saved_room(coarse.eq, (WIDTH,)),
             judge_of(np.repeat(np.eye(o)[:, :, None, None], WIDTH, axis=3), 1, 0, (WIDTH,)),
-            into, own, known.p.copy(), known.process, known.c, known.noise, known.unit, lost,
+            by.into, by.own, known.p.copy(), known.process, known.c, known.noise, known.unit, lost,
             room_for(n, known.c.shape[0]), motions, read,
         )  # fmt: skip
     return motions

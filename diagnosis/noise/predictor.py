@@ -20,7 +20,7 @@ from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
-from zwidth.sim.extended import Uncertain, driven_along, motions_along
+from zwidth.sim.extended import Filter, Uncertain, driven_along, motions_along
 from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
@@ -352,21 +352,20 @@ def in_motion(device: Device, experiment: Experiment, gain: Changing, unit: floa
         experiment = replace(experiment, before=in_motion(device, before, gain, unit))
     sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
     bare = device.without_physics(*sensors) if sensors else device
-    eq, *filtering = _filtering(bare, experiment, gain, unit, SEARCHING)
+    eq, by = _filter(bare, experiment, gain, unit, SEARCHING)
     recorded = Recorded(
         experiment.command, experiment.readings, experiment.places(eq),
         experiment.external(eq.dof), strengths=experiment.strengths,
     )  # fmt: skip
     lost = experiment.bridged
     lost = np.zeros(experiment.ticks, np.bool_) if lost is None else lost
-    population, *rest = filtering
-    return replace(experiment, motions=motions_along(population, recorded, *rest, lost))
+    return replace(experiment, motions=motions_along(by, recorded, lost))
 
 
-def _filtering(
+def _filter(
     device: Device, experiment: Experiment, gain: Changing, unit: float, fineness: Fineness
-) -> tuple[Equations, Population, Memory, Floats, NDArray[np.int64], Uncertain]:
-    """Return the equations of a device, and with what `sim.extended` filters its recording."""
+) -> tuple[Equations, Filter]:
+    """Return the equations of a device, and the filter of its recording with a gain's noise."""
     there = experiment.on(device)
     few, many = substeps_of(there, fineness)
     ready = prepared(there, fineness)
@@ -379,7 +378,7 @@ def _filtering(
         np.diag(gain.spread.noise).copy(), unit,
     )  # fmt: skip
     into = padded(np.eye(n), device, eq, experiment)
-    return eq, Population([there], few, many), begins, into, own, known
+    return eq, Filter(Population([there], few, many), begins, into, own, known)
 
 
 def driven(device: Device, experiment: Experiment, observer: Observer, errors: Floats) -> Floats:
@@ -395,12 +394,12 @@ def driven(device: Device, experiment: Experiment, observer: Observer, errors: F
     gain, o = observer.gain, errors.shape[1]
     both = np.hstack([errors, np.zeros(errors.shape)])
     if isinstance(gain, Changing) and gain.follows:
-        eq, *filtering = _filtering(device, experiment, gain, unit_of(observer, gain), FINAL)
+        eq, by = _filter(device, experiment, gain, unit_of(observer, gain), FINAL)
         recorded = Recorded(
             experiment.command, both, _doubled(experiment.places(eq)), experiment.external(eq.dof),
             strengths=experiment.strengths,
         )  # fmt: skip
-        return errors + driven_along(filtering[0], recorded, *filtering[1:])
+        return errors + driven_along(by, recorded)
     eq, fine = ready = prepared(experiment.on(device))
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
