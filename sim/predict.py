@@ -69,7 +69,8 @@ class Gains(NamedTuple):
     """Gains of an observer that change along a recording, as they do after samples are lost.
 
     of (states, 2 k o): k gains beside each other, then as many for while play carries nothing
-    (`free_of_contact`). columns (ticks,): the first of each tick's gain, from the memory's tick 0.
+    (`free_of_contact`). columns (ticks,): the first of each tick's gain, from the memory's tick
+    0; after them it is the last.
     """
 
     of: Floats
@@ -407,7 +408,9 @@ def predict(
                 y -= reading.jitter[o] * reading.arriving[k]
             judge.piece[row, o] = select(alive, y - there, np.inf)
         free = parted & free_of_contact(eq, pins)
-        first = reading.columns[tick] if reading.columns.size > 0 else 0
+        first = 0
+        if reading.columns.size > 0:
+            first = reading.columns[min(tick, reading.columns.size - 1)]
         for o in range(outputs.state.size):
             e = judge.piece[row, o]
             known = alive & (e == e)

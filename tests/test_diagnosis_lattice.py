@@ -22,9 +22,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
-from zwidth.diagnosis.noise.family import begun
-from zwidth.diagnosis.noise.gaps import steadily
-from zwidth.diagnosis.noise.predictor import Observer, innovations, whitened
+from zwidth.diagnosis.noise.predictor import Observer, whitened
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.seeking.lattice import (
@@ -330,20 +328,6 @@ def test_coloured_noise_is_whitened_and_its_power_kept():
     drawn = np.random.default_rng(3).standard_normal((5000, 1))
     same = whitened(plain, [drawn])
     assert same.deviation[0] == pytest.approx(1.0, rel=0.05)
-
-
-def test_the_state_at_the_start_is_solved_for():
-    """A recording cut out of a motion: innovations settle at once.
-
-    Mutation that breaks it: the solution added with its sign turned.
-    """
-    problem, fitted = clean()
-    device = fitted.model.acting(fitted.x)
-    cut = problem.experiments[0].part(700, 2500)
-    slow = Observer(0.05 * steadily(problem.observer.gain), problem.observer.deviation, 1.0)
-    before = innovations(device, cut, slow.gain)[:200]
-    after = innovations(device, begun(device, cut, slow), slow.gain)[:200]
-    assert np.sqrt(np.mean(after**2)) < 0.2 * np.sqrt(np.mean(before**2))
 
 
 def test_a_lattice_of_many_levels_is_seen():

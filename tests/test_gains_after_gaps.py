@@ -14,7 +14,6 @@ from zwidth.diagnosis.noise.gaps import UNSEEN, Changing, along, changing
 from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     driven,
-    first_motion,
     followed,
     in_motion,
     innovations,
@@ -109,7 +108,7 @@ def test_gains_are_those_of_kalmans_filter(outputs: tuple[Output, ...]) -> None:
         holes = replace(e, bridged=lost)
         gain = changing(device, [holes], RATIO, steady(device, e, RATIO).gain)
         assert isinstance(gain, Changing)
-        expected, _ = kalman(device, e, lost, gain.spread.p)
+        expected, _ = kalman(device, e, lost, gain.begins)
         ((wide,), columns) = along([gain], lost)
         found = np.stack([wide[:, k : k + len(outputs)] for k in columns])
         scale = np.abs(gain.steady).max(axis=1)[:, None] + 1e-12
@@ -134,7 +133,7 @@ def test_gains_along_a_motion_are_those_of_its_differences(measured: tuple[int, 
     assert isinstance(gain, Changing)
     ((wide,), columns) = along([gain], lost, motions)
     found = np.stack([wide[:, k : k + len(measured)] for k in columns])
-    expected, _ = kalman(device, e, lost, gain.spread.p, motions)
+    expected, _ = kalman(device, e, lost, gain.begins, motions)
     scale = np.abs(expected).max(axis=(0, 2))[:, None] + 1e-12
     assert (np.abs(found - expected) / scale).max() < 1e-6
     assert np.array_equal(wide[:, : wide.shape[1] // 2], wide[:, wide.shape[1] // 2 :])
@@ -199,17 +198,18 @@ def test_a_device_with_play_is_driven_by_the_gains_of_its_own_motion() -> None:
     rig = account_rigs.RIGS["two masses, play and friction"]()
     rig = replace(rig, physics=rig.physics[:1])
     truth, e = rig.device.with_physics(*rig.physics), rig.experiment().part(0, 1500)
+    late = np.arange(e.ticks) >= 10  # from rest, whatever is read
+    e = replace(e, command=late * e.command, measured=late[:, None] * e.measured)
     model = Model(truth)
     noise = likeliest([e], model, np.zeros(len(model.parameters)))
-    (course,), observer = noise.courses, noise.observer
-    e, gain = replace(e, start=course.start, motions=course.motions), observer.gain
+    assert noise.motions is not None
+    (motions,), observer = noise.motions, noise.observer
+    e, gain = replace(e, motions=motions), observer.gain
     assert isinstance(gain, Changing)
     random = np.random.default_rng(4)
-    errors = observer.deviation * random.standard_normal(e.measured.shape)
+    errors = late[:, None] * observer.deviation * random.standard_normal(e.measured.shape)
     y = driven(truth, e, observer, errors)
-    before, after = (first_motion(e.outputs, read, e.period) for read in (e.measured, y))
-    moved_by = np.repeat(np.subtract(before, after), 2)
-    again = replace(e, measured=y, start=course.start + moved_by)
+    again = replace(e, measured=y)
     own = in_motion(truth, again, gain, unit_of(observer, gain))
     left = innovations(truth, own, gain) - errors
     assert np.sqrt(np.mean(left**2)) < 0.02 * np.sqrt(np.mean(errors**2))
@@ -233,7 +233,7 @@ def test_physics_behind_play_that_nobody_measures_is_not_imitated(*, friction: b
     for own, scales in zip(physics, ({"gap": 2e-3}, {"level": 3e-3}), strict=False):
         model = model.with_effect(own, scales)
     truth = judged([e], model, np.zeros(len(model.parameters)))
-    assert truth.noise.courses[0].motions is not None
+    assert truth.noise.motions is not None
     assert truth.cost.misfit - settled(truth).cost.misfit < 60.0
 
 
@@ -247,10 +247,10 @@ def test_a_recording_with_gaps_is_followed_as_kalmans_filter_does(
     """
     device, e = drive(), moved(outputs)
     lost = lost_at(e.ticks, (150, 10), (300, 1), (303, 3), (420, 7))
-    e = replace(e, bridged=lost, uncounted=lost, start=None)
+    e = replace(e, bridged=lost, uncounted=lost)
     gain = changing(device, [e], RATIO, steady(device, e, RATIO).gain)
     assert isinstance(gain, Changing)
-    gains, _ = kalman(device, e, lost, gain.spread.p)
+    gains, _ = kalman(device, e, lost, gain.begins)
     plant = device.plant()
     a, b = hold(plant, e.period)
     c = gain.spread.c
@@ -314,7 +314,7 @@ def test_a_free_link_keeps_what_it_does_not_tell_after_a_gap_as_well() -> None:
     """Mutation: the second half of the gains as in contact."""
     loose, e = drive().with_physics(play(1e-3)), moved(OUTPUTS["a position"])
     lost = lost_at(e.ticks, (150, 10))
-    gain = changing(loose.bare(), [replace(e, bridged=lost)], RATIO, steady(loose, e, RATIO).gain)
+    gain = changing(loose.bare(), [e], RATIO, steady(loose, e, RATIO).gain)
     ((wide,), columns) = along([gain], lost)
     half = wide.shape[1] // 2
     unseen = [1, 3]  # position and velocity of the mass behind the play

@@ -64,12 +64,11 @@ def recording(device: Device, ticks: int = TICKS) -> Experiment:
     outputs += [Output("position", n - 1)] * (n > 1)
     walk = 1e-4 * np.cumsum(random.normal(size=(ticks, len(outputs))), axis=0)
     command = 0.02 * random.normal(size=ticks)
-    start = 1e-5 * random.normal(size=2 * n)
     dropped = random.uniform(size=ticks) < 0.1
     error = 1e-6 * random.normal(size=ticks)
     return Experiment(
         device.interface.period, command, walk, tuple(outputs), swing=float(np.std(walk[:, 0])),
-        start=start, dropped=dropped, sensor_error=error,
+        dropped=dropped, sensor_error=error,
     )  # fmt: skip
 
 

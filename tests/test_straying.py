@@ -8,9 +8,8 @@ from fitting_examples import drive, recording
 
 from zwidth.diagnosis.answer.straying import strayed, wander, wandering
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun_as
 from zwidth.diagnosis.noise.family import Family
-from zwidth.diagnosis.noise.predictor import deviation, window
+from zwidth.diagnosis.noise.predictor import as_followed, deviation, window
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, priced
 from zwidth.sim.physics import make_physics
 
@@ -68,7 +67,7 @@ def test_another_version_of_the_rest_of_a_recording_keeps_its_motions() -> None:
     head, tail = whole.part(0, 2000), whole.part(2000, whole.ticks)
     mine = replace(tail, before=head)
     assert mine.motions is not None
-    again = begun_as(replace(mine, motions=None, before=replace(head, start=None)), mine)
+    again = as_followed(replace(mine, motions=None, before=replace(head, motions=None)), mine)
     assert again.motions is mine.motions
     assert again.before is not None
-    assert again.before.start is head.start
+    assert again.before.motions is head.motions

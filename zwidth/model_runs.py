@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.band import Windows
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,
@@ -75,7 +75,7 @@ class ModelRuns:
         noise = deviation(built, [seen], gain)
         observer = Observer(gain, np.maximum(noise, np.finfo(np.float64).tiny), band.ratio)
         ticks = min(max(SHORTEST_WINDOW, round(band.window / e.period)), e.ticks)
-        seen = begun(built, seen, observer)
+        seen = followed_by(built, seen, observer)
         (runs,) = free_runs(built, seen, gain, [ticks], EVERY)
         starts = free_run_starts(seen, ticks)
         n = device.chain.masses.size

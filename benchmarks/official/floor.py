@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth import Diagnosis
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import SETTLING, driven, innovations
 from zwidth.diagnosis.recording.experiment import Experiment
 
@@ -37,13 +37,12 @@ def floors(answer: Diagnosis, command: Floats, window: int, step: float) -> tupl
     model, x, observer = found.final.model, found.final.x, found.judge
     like = answer.experiments[0]
     device = model.acting(x)
-    seen = begun(device, model.seen(like, x), observer)
+    seen = followed_by(device, model.seen(like, x), observer)
     left = innovations(device, seen, observer.gain)[SETTLING:]
 
     def run(errors: Floats) -> Floats:
         new = Experiment(
-            like.period, command, np.zeros(errors.shape), like.outputs, swing=like.swing,
-            start=seen.start,
+            like.period, command, np.zeros(errors.shape), like.outputs, swing=like.swing
         )  # fmt: skip
         return driven(device, new, observer, errors)[:, 0]
 

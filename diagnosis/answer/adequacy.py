@@ -55,21 +55,17 @@ from zwidth.diagnosis.answer.coherence import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun_as, with_play
-from zwidth.diagnosis.noise.family import begun
-from zwidth.diagnosis.noise.gaps import Changing
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.loudness import loudness
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
+    as_followed,
     driven,
-    first_motion,
     free_run_errors,
     free_runs,
-    in_motion,
     innovations,
     settling,
-    unit_of,
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -210,8 +206,8 @@ def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
 
 
 def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experiment:
-    """A recording as a model reads it, with the initial state that fits best."""
-    return begun(model.acting(x), model.seen(e, x), observer)
+    """A recording as a model reads it, followed by its observer."""
+    return followed_by(model.acting(x), model.seen(e, x), observer)
 
 
 def _band(logs: Floats) -> tuple[float, float] | None:
@@ -328,30 +324,16 @@ def _bootstrapped(
     random = np.random.default_rng(seed)
     root = _known(final)
     model, observer = final.model, noise.observer
-    answer, gain = model.acting(final.x), observer.gain
+    answer = model.acting(final.x)
     x = model.within(final.x + root @ random.standard_normal(root.shape[1]))
     played: list[Experiment] = []
     for i, (e, mine) in enumerate(zip(judge_by, own, strict=True)):
         theirs = model.seen(e, x)
-        there = begun_as(theirs, mine)
+        there = as_followed(theirs, mine)
         y = driven(model.acting(x), there, observer, noise.drawn(i, random))
         again = replace(mine, measured=y + (mine.measured - theirs.measured))
-        if mine.before is None:
-            again = _begun_again(answer, again, mine, observer)
-        if isinstance(gain, Changing) and gain.follows:
-            again = in_motion(answer, again, gain, unit_of(observer, gain))
-        played.append(again)
+        played.append(followed_by(answer, again, observer))
     return np.stack(_judged(_runs(final, observer, played, lengths), spans))
-
-
-def _begun_again(
-    device: Device, again: Experiment, mine: Experiment, observer: Observer
-) -> Experiment:
-    """A simulated recording with its initial state: fitted, or with play, shifted from `mine`."""
-    if not with_play(device.physics) or mine.start is None:
-        return begun(device, again, observer)
-    before, after = (np.array(first_motion(e.outputs, e.measured, e.period)) for e in (mine, again))
-    return replace(again, start=mine.start + np.repeat(before - after, mine.start.size // 2))
 
 
 def _better(

@@ -30,7 +30,7 @@ from scipy.stats import t as student
 
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,
@@ -79,7 +79,7 @@ def windows_of(
     for e in seen:
         ticks = min(max(SHORTEST_WINDOW, round(seconds / e.period)), e.ticks)
         with np.errstate(all="ignore"):  # infinite after an overflow
-            free = free_run_errors(built, begun(built, e, observer), gain, ticks)
+            free = free_run_errors(built, followed_by(built, e, observer), gain, ticks)
             error, motion = (
                 np.mean(one.reshape(-1, ticks, one.shape[1]) ** 2, axis=1) for one in free
             )

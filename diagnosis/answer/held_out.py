@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.answer.straying import rms, strayed
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     Observer,
     deviation,
@@ -58,7 +58,7 @@ def held_out(
     for model, x in models_of(device, found).values():
         built = model.acting(x)
         # Each begins in the state that fits best: a slow observer forgets its start slowly.
-        scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
+        scaled = [followed_by(built, model.seen(e, x), found.judge) for e in judge_by]
         ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
         one.append(rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
         error, typical, windows = strayed(built, scaled, gain)
@@ -77,6 +77,6 @@ def free_share(
 ) -> float:
     """Return the error of free runs of a model over the motion, computed as in `held_out`."""
     built = model.acting(x)
-    seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
+    seen = [followed_by(built, model.seen(e, x), observer) for e in judge_by]
     error, _, motion = strayed(built, seen, observer.gain)
     return error / motion

@@ -200,7 +200,7 @@ def _forces(
     )
     put = np.zeros((eq.states, 2 * n))
     put[places, np.arange(2 * n)] = 1.0
-    first = replace(seen, outputs=tuple(Output("position", i) for i in range(n)), start=None)
+    first = replace(seen, outputs=tuple(Output("position", i) for i in range(n)))
     memory = observer_memory(ready.coarse, replace(first, measured=position))
     with np.errstate(all="ignore"):  # infinite after an overflow
         errors = alone(

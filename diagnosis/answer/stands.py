@@ -24,8 +24,7 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import BENT, FACTORED, Model, effect_labels
-from zwidth.diagnosis.noise.beginning import begun_as
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import FINAL
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -353,8 +352,8 @@ def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Expe
     parts = found.problem.experiments
     followed = [_going_on(e, parts) for e in judge_by]
     device = final.model.acting(final.x)
-    seen = [begun(device, final.model.seen(e, final.x), observer) for e in followed]
-    started = [begun_as(e, mine) for e, mine in zip(followed, seen, strict=True)]
+    seen = [followed_by(device, final.model.seen(e, final.x), observer) for e in followed]
+    started = [replace(e, motions=m.motions) for e, m in zip(followed, seen, strict=True)]
     problem = Problem(started, observer)
     there = replace(final, residual=problem.residual(final.model, final.x), samples=problem.samples)
     lost = losses(problem, there)

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from zwidth.diagnosis.answer.held_out import models_of, told_of
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import Observer, memory_at, prepared
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
@@ -139,7 +139,7 @@ def free_run(
     """The same outputs (ticks, o), in the form in which the fit reads the recording."""
     device = model.acting(x)
     seen = model.seen(e, x)
-    seen = begun(device, seen, observer) if measured else seen
+    seen = followed_by(device, seen, observer) if measured else seen
     eq, fine = ready = prepared(seen.on(device))
     with np.errstate(all="ignore"):  # infinite after an overflow
         blind = np.zeros((eq.states, seen.measured.shape[1]))

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.fitting.straight import along
 from zwidth.diagnosis.model.parameters import Model, is_read
 
 Floats = NDArray[np.float64]
@@ -208,12 +209,11 @@ def _widths(slopes: Floats, residual: Floats) -> Floats:
 def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
     """The x of all steps and parts of them; x itself for one that cannot be computed."""
     square, downhill = slopes.T @ slopes, slopes.T @ residual
-    return [
-        ground.model.within(x + part * step)
-        for damping, parts in STEPS
-        for step in [_step(square, downhill, damping)]
-        for part in parts
-    ]
+    whole = [_step(square, downhill, damping) for damping, _ in STEPS]
+    parts = ALONG[0][1]
+    gone = along(ground.model, x, whole, parts[::-1])[:, ::-1]
+    asked = [gone[i, parts.index(part)] for i, (_, own) in enumerate(STEPS) for part in own]
+    return [ground.model.within(x) for x in asked]
 
 
 def _step(square: Floats, downhill: Floats, damping: float) -> Floats:

@@ -77,10 +77,7 @@ class Many:
                     yield _Kind(which[some], Population(members, few, many), members.first)
 
     def innovations(self, experiment: Experiment, gain: Gain) -> Floats:
-        """Return innovations (x, ticks, o) under an observer's gain (states, o).
-
-        experiment.start: (2n,) for all members, or (x, 2n).
-        """
+        """Return innovations (x, ticks, o) under an observer's gain (states, o)."""
         found = np.full((self.size, *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
             found[which] = followed.innovations
@@ -118,8 +115,6 @@ class Many:
             motions = np.array(
                 [_first_motion(first, period, origins[i], led[i], change) for i in which]
             )
-            starts = experiment.start
-            own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.external(population.dof)
             (wide,), columns = along([gain], experiment.bridged, experiment.motions)
             recorded = Recorded(
@@ -133,7 +128,7 @@ class Many:
                 led[which],
                 np.tile(late[which, None], (1, still.size)),
             )
-            memories = observer_memories(population, motions, own, experiment.begins)
+            memories = observer_memories(population, motions, experiment.begins)
             yield which, population.follow(
                 recorded, memories, readings, filters, skip, keep,
                 run_all=lambda tasks: in_parallel(tasks, threads()),

@@ -74,8 +74,7 @@ def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> F
         force[LEAD] = place_at(place).row(ready.coarse.dof)
     still = replace(
         first.unmoved(), command=command, measured=measured, sensor_error=None, dropped=None,
-        start=None, force=None, before=None, bridged=None,
-        uncounted=None,
+        force=None, before=None, bridged=None, uncounted=None,
     )  # fmt: skip
     answer = innovations(device, still, problem.observer.gain, force, ready)
     return problem.observer.weigh(answer)[LEAD:]

@@ -111,7 +111,7 @@ class Answering:
     ) -> None:  # fmt: skip
         gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)
         quiet = replace(e, command=np.zeros(e.ticks))
-        silent = replace(e.unmoved(), measured=np.zeros(e.measured.shape), start=None)
+        silent = replace(e.unmoved(), measured=np.zeros(e.measured.shape))
         unmoved = replace(silent, command=quiet.command)
         constant = np.zeros((e.ticks, device.chain.masses.size))
         constant[:, 0] = 1.0

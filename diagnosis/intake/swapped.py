@@ -134,7 +134,7 @@ def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
     off = e.strengths is not None and not np.all(e.strengths)
     if np.ptp(u) == 0.0 or tones or off:
         return 1.0
-    alone = replace(e, measured=y[:, None].copy(), outputs=(e.outputs[o],), start=None)
+    alone = replace(e, measured=y[:, None].copy(), outputs=(e.outputs[o],))
     size = float(np.std(u)) / max(float(np.std(y)), 1e-300)
     other = replace(alone, command=y * size, measured=(u / size)[:, None])
     as_is, turned = _unanswered(device, alone), _unanswered(device, other)

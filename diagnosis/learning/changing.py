@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from zwidth.diagnosis.model.parameters import Model, Varying
-from zwidth.diagnosis.noise.family import begun
+from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
@@ -525,7 +525,7 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
             for own in (((model.varying[-1].name, 1.0),), ())]  # fmt: skip
     early, late = (prepared(own.on(device), SEARCHING) for own in held)
-    places, begun_there = held[0].places(early.coarse), begun(device, held[0], observer)
+    places, begun_there = held[0].places(early.coarse), followed_by(device, held[0], observer)
     memory, full = memory_at(early, begun_there, device, observer.gain)
     forces = held[0].external(early.coarse.dof)
     readings = [own.readings for own in held]

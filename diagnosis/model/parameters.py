@@ -405,6 +405,10 @@ class Model:
         k0 = self._one(values, "k0", self.nominal.chain.ground_spring)
         return masses, dampers, k0, springs, links
 
+    def chains(self, xs: Floats) -> Chains:
+        """Return the chains at many x (members, parameters)."""
+        return Chains(*self._chain_at(self.linear_at(xs)))
+
     def _one(self, values: Floats, kind: str, absent: float) -> Floats:
         """The value (...,) of the only linear parameter of a kind, or `absent`."""
         if kind in self._kinds:

@@ -8,8 +8,8 @@ observers, so they are lanes of one population: the same device with different g
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import Beginnings, by_own_slopes, with_play
-from zwidth.diagnosis.noise.gaps import Changing, Gain, changing, steadily
+from zwidth.diagnosis.noise.gaps import Changing, Gain, changing, steadily, with_play
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
     Observer,
     in_motion,
     innovations,
-    prepared,
+    innovations_each,
+    settling,
+    substeps_of,
     told,
     unit_of,
     whitened,
@@ -38,13 +39,17 @@ from zwidth.diagnosis.noise.steady import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
+from zwidth.sim.members import alike
+from zwidth.sim.population import Population
 
 Floats = NDArray[np.float64]
+Motions = tuple[Floats, ...] | None
 # From trusting the device almost fully to hardly at all. At 1e-10 an observer of positions
 # forgets in 300 ticks; coarse encoders on quiet machines need 1e-9 (43 in -2 ln over 1e-7 on a
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
 SLOWER = 1e-2  # of the likeliest ratio, of an observer that leaves more of missing physics to see
+TRUSTING = (1e-2, 1.0, 1e2, 1e4)  # times the ratio of the observer that follows a recording
 WORTH = 1.0  # in -2 ln, for which a motion is followed again
 NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
@@ -93,37 +98,27 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
     return Family(((first.period / horizon) ** power,), whitening=False)
 
 
-class Course(NamedTuple):
-    """What an observer found of a recording.
-
-    start (2n,): the addition to positions and velocities at its beginning; motions: as in
-    `Experiment`.
-    """
-
-    start: Floats
-    motions: Floats | None = None
-
-
 @dataclass(frozen=True)
 class Noise:
     """The noise model of a hypothesis: its observer, and what that found of each recording.
 
-    cost: -2 log likelihood, up to a constant. weighed: the weighted innovations (samples,).
+    motions: with play, of each recording (`Experiment`), else None. cost: -2 log likelihood, up to
+    a constant. weighed: the weighted innovations (samples,).
     """
 
     observer: Observer
-    courses: tuple[Course, ...]
+    motions: Motions
     cost: float
     weighed: Floats
 
     def problem(self, experiments: Sequence[Experiment]) -> Problem:
         """Return the recordings under this model of their noise."""
-        return Problem(_as(experiments, self.courses), self.observer, SEARCHING)
+        return Problem(_in(self.motions, experiments), self.observer, SEARCHING)
 
 
-def _as(experiments: Sequence[Experiment], courses: Sequence[Course]) -> list[Experiment]:
-    each = zip(experiments, courses, strict=True)
-    return [replace(e, start=b.start, motions=b.motions) for e, b in each]
+def _in(motions: Motions, experiments: Sequence[Experiment]) -> list[Experiment]:
+    known = (None,) * len(experiments) if motions is None else motions
+    return [replace(e, motions=own) for e, own in zip(experiments, known, strict=True)]
 
 
 def likeliest(
@@ -131,34 +126,28 @@ def likeliest(
     model: Model,
     x: Floats,
     family: Family = NEXT_SAMPLE,
-    begun: Sequence[Course] | None = None,
+    motions: Motions = None,
 ) -> Noise:
     """Return the most likely noise model; raises NoObserver if no observer is possible.
 
-    begun: with play, what an observer of a similar model found, so that it need not be sought
-    again.
+    motions: with play, those of a similar model, from which they are sought.
     """
-    began = _Began(experiments, model, x, family)
-    known = begun is not None and all(began.has_states_of(c) for c in begun)
+    followed = _Followed(experiments, model, x, family)
     with reason("noise"):
-        found = began.noises(family, begun) if begun and known else began.linear()
+        found = followed.noises(family, motions if followed.has_states_of(motions) else None)
     if not found:
         raise NoObserver(
             f"no observer of this device ({model.label}) predicts the recordings; check sign, scale"
             " and units of the command, of forces that were recorded, and of the outputs"
         )
     best = min(found, key=lambda noise: noise.cost)
-    if not with_play(began.device.physics):
+    if not with_play(followed.device.physics):
         return best
-    with reason("beginnings"):
-        if not known:
-            best = began.better(best, begun or began.starts(best))
-        if begun and not known:
-            return best
+    with reason("motions"):
         near, cost = family, math.inf
         while best.cost < cost - WORTH:
             cost = best.cost
-            asked = began.noises(near, began.in_motion(best))
+            asked = followed.noises(near, followed.in_motion(best))
             best = min([best, *asked], key=lambda noise: noise.cost)
             near = near.near(best.observer.ratio)
         return best
@@ -168,14 +157,14 @@ def noises(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> list[Noise]:
     """Return the noise models with which the device at x can be followed, by steady observers."""
-    return _Began(experiments, model, x, family).linear()
+    return _Followed(experiments, model, x, family).noises(family, None)
 
 
 def _noise(
     gain: Gain,
     ratio: float,
     family: Family,
-    courses: Sequence[Course],
+    motions: Motions,
     errors: Sequence[Floats],
     experiments: Sequence[Experiment],
 ) -> Noise | None:
@@ -196,11 +185,11 @@ def _noise(
         ]
     )
     cost = white.cost(weighed)
-    return Noise(white, tuple(courses), cost, weighed) if np.isfinite(cost) else None
+    return Noise(white, motions, cost, weighed) if np.isfinite(cost) else None
 
 
-class _Began:
-    """What observers of a device find of recordings."""
+class _Followed:
+    """Recordings as observers of a device follow them."""
 
     def __init__(
         self, experiments: Sequence[Experiment], model: Model, x: Floats, family: Family
@@ -208,10 +197,10 @@ class _Began:
         self.experiments, self.family, self.device = experiments, family, model.acting(x)
         self.seen = [model.seen(e, x) for e in experiments]
 
-    def has_states_of(self, course: Course) -> bool:
-        """Whether motions are known, of as many states as this device has."""
-        known = course.motions
-        return known is not None and known.shape[1] == self.device.bare().plant().size
+    def has_states_of(self, motions: Motions) -> bool:
+        """Whether motions are of as many states as this device has."""
+        size = self.device.bare().plant().size
+        return motions is not None and all(m.shape[1] == size for m in motions)
 
     def gains(self, ratios: Sequence[float], *, follows: bool) -> list[tuple[float, Gain]]:
         """Return the ratios that have an observer, with its gain; follows: as in `gaps`."""
@@ -225,93 +214,59 @@ class _Began:
             if np.all(np.isfinite(gain))
         ]
 
-    def linear(self) -> list[Noise]:
-        """Return the noise models of steady observers, which begin as linear ones do."""
-        each = self.gains(self.family.ratios, follows=False)
-        if not each:
-            return []
-        usable = [gain for _, gain in each]
-        begins = {id(e.changes): Beginnings(e.on(self.device), usable) for e in self.seen}
-        asked = [(begins[id(e.changes)], e) for e in self.seen]
-        followed = [(starts := b.of(e), b.followed(e, starts)) for b, e in asked]
-        found: list[Noise | None] = []
-        for i, (ratio, gain) in enumerate(each):
-            courses = [Course(starts[i]) for starts, _ in followed]
-            errors = [e[i] for _, e in followed]
-            found.append(_noise(gain, ratio, self.family, courses, errors, self.experiments))
-        return [noise for noise in found if noise is not None]
-
-    def noises(self, family: Family, courses: Sequence[Course]) -> list[Noise]:
-        """Return the noise models of a family on given courses, in their motions."""
-        each = self.gains(family.ratios, follows=True)
+    def noises(self, family: Family, motions: Motions) -> list[Noise]:
+        """Return the noise models of a family: of steady observers, or along known motions."""
+        each = self.gains(family.ratios, follows=motions is not None)
         if not each:
             return []
         gains = [gain for _, gain in each]
-        errors = [
-            Beginnings(e.on(self.device), gains).followed(e, np.tile(c.start, (len(gains), 1)))
-            for e, c in zip(_as(self.seen, courses), courses, strict=True)
-        ]
+        alike_there: dict[int, Population] = {}
+        errors: list[Floats] = []
+        for e in _in(motions, self.seen):
+            key, there = id(e.changes), e.on(self.device)
+            if key not in alike_there:
+                few, many = substeps_of(there, SEARCHING)
+                alike_there[key] = Population(alike(there, len(gains)), few, many)
+            errors.append(innovations_each(alike_there[key], e, self.device, gains))
         found = [
-            _noise(gain, ratio, family, courses, [e[i] for e in errors], self.experiments)
+            _noise(gain, ratio, family, motions, [e[i] for e in errors], self.experiments)
             for i, (ratio, gain) in enumerate(each)
         ]
         return [noise for noise in found if noise is not None]
 
-    def starts(self, noise: Noise) -> list[Course]:
-        """Return the courses with the initial states that play needs."""
-        each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
-        return [
-            c._replace(start=by_own_slopes(self.device, e, noise.observer, c.start))
-            for e, c in each
-        ]
-
-    def in_motion(self, noise: Noise) -> list[Course]:
-        """Return the courses with the motions along which the noise's observer follows them."""
+    def in_motion(self, noise: Noise) -> Motions:
+        """Return the motions along which the noise's observer follows the recordings."""
         observer = noise.observer
         gain = changing(
             self.device.bare(), self.seen, observer.ratio, steadily(observer.gain), follows=True
         )
-        each = zip(_as(self.seen, noise.courses), noise.courses, strict=True)
-        assert isinstance(gain, Changing)
         unit = unit_of(observer, gain)
-        return [c._replace(motions=in_motion(self.device, e, gain, unit).motions) for e, c in each]
-
-    def better(self, noise: Noise, courses: Sequence[Course]) -> Noise:
-        """Return the noise with the same observer on other courses, if it is no worse."""
-        pairs = zip(courses, noise.courses, strict=True)
-        if all(a.start is b.start and a.motions is b.motions for a, b in pairs):
-            return noise
-        plain, gain = prepared(self.device, SEARCHING), noise.observer.gain
-        errors = [
-            innovations(
-                self.device, e, gain,
-                ready=plain if e.changes is None else prepared(e.on(self.device), SEARCHING),
-            )
-            for e in _as(self.seen, courses)
-        ]  # fmt: skip
-        own = _noise(gain, noise.observer.ratio, self.family, courses, errors, self.experiments)
-        return noise if own is None or own.cost > noise.cost else own
+        each = _in(noise.motions, self.seen)
+        every = (in_motion(self.device, e, gain, unit).motions for e in each)
+        return tuple(own for own in every if own is not None)
 
 
-def begun(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
-    """Return the recording with what an observer finds of it: its initial state, and its course."""
+def followed_by(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
+    """Return the recording with the motions along which an observer follows it, if it does.
+
+    With play the likeliest of the motions counts along which observers follow it that trust their
+    model more or less: one may take the wrong side of a gap, and be wrong for many contacts.
+    """
     gain = observer.gain
-    follows = gain if isinstance(gain, Changing) and gain.follows else None
-    if experiment.before is not None:
-        whole = replace(experiment, before=begun(device, experiment.before, observer))
-        return in_motion(device, whole, follows, unit_of(observer, follows)) if follows else whole
-    if follows:  # a ratio that suits it may suit no steady gain
-        alone = Model(device)
-        family = blind(observer.ratio) if observer.whitening is None else NEXT_SAMPLE
-        noise = likeliest([experiment], alone, np.zeros(alone.linear_count), family)
-        (first,) = _as([experiment], noise.courses)
-        asked = [in_motion(device, first, follows, unit_of(observer, follows))]
-        asked += [first] if first.motions is not None else []
-        white = [observer.weigh(innovations(device, e, gain), e.uncounted) for e in asked]
-        with np.errstate(all="ignore"):  # infinite after an overflow
-            return asked[int(np.argmin([np.nan_to_num(np.sum(w**2), nan=np.inf) for w in white]))]
-    (linear,) = Beginnings(experiment.on(device), [gain]).of(experiment)
-    return replace(experiment, start=by_own_slopes(device, experiment, observer, linear))
+    if not (isinstance(gain, Changing) and gain.follows):
+        return experiment
+    tried: list[tuple[float, Experiment]] = []
+    for times in TRUSTING:
+        with suppress(NoObserver):
+            other = changing(
+                device.bare(), [experiment], times * observer.ratio, steadily(gain), follows=True
+            )
+            own = in_motion(device, experiment, other, unit_of(observer, gain))
+            with np.errstate(all="ignore"):  # infinite after an overflow
+                white = observer.weigh(innovations(device, own, gain), own.uncounted)
+                square = float(np.sum(white[settling(own) :] ** 2))
+            tried.append((square if math.isfinite(square) else math.inf, own))
+    return min(tried, key=lambda one: one[0], default=(0.0, experiment))[1]
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:

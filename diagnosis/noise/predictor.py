@@ -15,24 +15,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after
+from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after, steadily
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
 from zwidth.sim.extended import Filter, Uncertain, driven_along, motions_along
 from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.population import Population, Recorded
+from zwidth.sim.population import Population, Readings, Recorded
 from zwidth.sim.predict import GROUND, Gains, Outputs, alone, freely
-from zwidth.sim.run import Start, let_follow, start_memory
+from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most
 SPARED = 100  # samples for each coefficient, at least
 MEMORY = 24.0  # lags over which they see correlation
-BEGINNING = 2000  # first ticks, from which the initial state is estimated
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
 MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
@@ -229,15 +229,9 @@ def enough(device: Device) -> int:
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
-    """Return the memory at the first sample: `first_motion` plus the recording's `start`."""
+    """Return the memory at the first sample: all masses move as in `first_motion`."""
     position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
-    memory = start_memory(eq, Start(position, velocity), began=experiment.begins)
-    if experiment.start is not None:
-        n = experiment.start.size // 2
-        memory.x[:n] += experiment.start[:n]
-        memory.x[eq.dof : eq.dof + n] += experiment.start[n:]
-        let_follow(memory.x, eq.dof, eq.followers, eq.behind)
-    return memory
+    return start_memory(eq, Start(position, velocity), began=experiment.begins)
 
 
 def memory_at(
@@ -273,26 +267,13 @@ def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> 
     return 0.0, velocity
 
 
-def observer_memories(
-    population: Population, motions: Floats, starts: Floats | None, began: float
-) -> tuple[Memory, ...]:
+def observer_memories(population: Population, motions: Floats, began: float) -> tuple[Memory, ...]:
     """Return the memories of `observer_memory` for all members.
 
-    motions (members, 2): of `first_motion`; starts: (2n,) or (members, 2n), added; began [s]: time
-    since the start of the recording.
+    motions (members, 2): of `first_motion`; began [s]: time since the start of the recording.
     """
-    dof = population.dof
-    whole = np.ones((population.size, dof - population.followers.shape[0]))
-    memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole, began)
-    if starts is not None:
-        n = starts.shape[-1] // 2
-        for memory, own in zip(
-            memories, np.broadcast_to(starts, (population.size, 2 * n)), strict=True
-        ):
-            memory.x[:n] += own[:n]
-            memory.x[dof : dof + n] += own[n:]
-        population.let_follow(memories)
-    return memories
+    whole = np.ones((population.size, population.dof - population.followers.shape[0]))
+    return population.start(motions[:, :1] * whole, motions[:, 1:] * whole, began)
 
 
 def innovations(
@@ -341,6 +322,43 @@ def followed(device: Device, experiment: Experiment, gain: Gain) -> Floats:
     return -found[:, o:]
 
 
+def as_followed(e: Experiment, other: Experiment) -> Experiment:
+    """Return a recording with the motions of another version of it, also of the part before it."""
+    e = replace(e, motions=other.motions)
+    if e.before is None or other.before is None:
+        return e
+    return replace(e, before=as_followed(e.before, other.before))
+
+
+def innovations_each(
+    population: Population, experiment: Experiment, device: Device, gains: Sequence[Gain]
+) -> Floats:
+    """Return innovations (members, ticks, o) of one device, each member with its gain.
+
+    Infinite after an overflow. population: one copy of the device for each member.
+    """
+    period = device.interface.period
+    force = experiment.external(population.dof)
+    wide, columns = along(gains, experiment.bridged, experiment.motions)
+    recorded = Recorded(
+        experiment.command, experiment.readings, experiment.places(population), force,
+        strengths=experiment.strengths, uncounted=experiment.uncounted, columns=columns,
+    )  # fmt: skip
+    motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
+    memories = observer_memories(
+        population, np.tile(motion, (population.size, 1)), experiment.begins
+    )
+    readings = Readings(np.stack([padded(g, device, population, experiment) for g in wide]))
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        found = population.follow(
+            recorded, memories, readings, keep=True,
+            run_all=lambda tasks: in_parallel(tasks, threads()),
+        ).innovations  # fmt: skip
+    if experiment.uncounted is not None:
+        found[:, experiment.uncounted] = 0.0
+    return found
+
+
 def in_motion(device: Device, experiment: Experiment, gain: Changing, unit: float) -> Experiment:
     """Return the recording with its `motions`, along which a filter of the gain's noise follows it.
 
@@ -385,11 +403,11 @@ def driven(device: Device, experiment: Experiment, observer: Observer, errors: F
     """Return the outputs (ticks, o) of a device for a command and given innovations e (ticks, o).
 
     In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from an observer's
-    initial state. The innovation of an output that stays zero is its measurement, here e; outputs
-    that correct nothing, measured as zero, give -h. With a gain that follows the motion, L is that
-    of the motion that results. (With those of the recorded motion, masses behind play were moved
-    while nothing touched them, and free runs of simulated recordings erred 30 times as much as of
-    the one they were made like.) Infinite after an overflow.
+    initial state, with the steady gain. The innovation of an output that stays zero is its
+    measurement, here e; outputs that correct nothing, measured as zero, give -h. With a gain that
+    follows the motion, L is that of the motion that results. (With those of the recorded motion,
+    masses behind play were moved while nothing touched them, and free runs of simulated recordings
+    erred 30 times as much as of the one they were made like.) Infinite after an overflow.
     """
     gain, o = observer.gain, errors.shape[1]
     both = np.hstack([errors, np.zeros(errors.shape)])
@@ -401,7 +419,8 @@ def driven(device: Device, experiment: Experiment, observer: Observer, errors: F
         )  # fmt: skip
         return errors + driven_along(by, recorded)
     eq, fine = ready = prepared(experiment.on(device))
-    memory, full = memory_at(ready, experiment, device, gain)
+    memory, _ = memory_at(ready, experiment, device, gain)
+    full = padded(steadily(gain), device, eq, experiment)
     found = alone(
         eq, fine, _doubled(experiment.places(eq)), experiment.command, both,
         _beside(full, o, o), experiment.external(eq.dof), memory, experiment.strengths,

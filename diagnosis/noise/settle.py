@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.descend import descended, fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Course, Family, likeliest
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Motions, likeliest
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
@@ -24,13 +23,11 @@ def prepared_for(
 ) -> Problem:
     """Return the recordings with the most likely noise of a model at x; may raise NoObserver.
 
-    With play, what an observer of nearly the same model found of the recordings is kept, since
-    finding it takes long.
+    With play, motions that are known of nearly the same model are followed on from.
     """
-    known = [Course(e.start, e.motions) for e in experiments if e.start is not None]
-    play = with_play((*model.nominal.physics, *model.effects))
-    begun = known if play and len(known) == len(experiments) else None
-    return likeliest(experiments, model, x, family, begun).problem(experiments)
+    known = tuple(e.motions for e in experiments if e.motions is not None)
+    motions: Motions = known if len(known) == len(experiments) else None
+    return likeliest(experiments, model, x, family, motions).problem(experiments)
 
 
 def fitted_in_turn(

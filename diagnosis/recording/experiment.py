@@ -112,20 +112,19 @@ class Experiment(Valued):
 
     swing: rms of the first output about its mean, in the whole recording. sensor_error (ticks,):
     the error that steps add to the first output; dropped (ticks,): commands that were not
-    delivered; both count only if a model has that effect. start: addition to the positions and
-    velocities (2n,) with which the observer begins. force (ticks, n): a trial force of unknown
-    cause on the masses. begins [s]: time since the start of the recording; notes: sentences for the
-    answer. before: the earlier part, if this is the rest of a recording; an observer follows it
-    first, since it determines states that later samples may not (a position, if only velocity is
-    measured; the side of a play). changes: known differences of the device. pushed: the drive, if
-    its force gives the first output. differenced: the filter coefficient of positions that were
-    velocities. folded: whether a rectifying sensor was unfolded. shares: the share of each change
-    of a parameter (`Model.varying`), zero if not listed. base (ticks,): acceleration of the base,
-    held for a tick, if recorded; pushes (ticks, n): likewise forces on the masses. covariates:
-    other recorded quantities (a temperature) on which parameters may depend. strengths (ticks,):
-    recorded factor of the drive's force (0 if off, else supply over nominal voltage); None for 1.
-    own: names of parameters with their own value, each with a word that is the same in recordings
-    that share the value. bridged (ticks,): where nothing was measured and `measured` is
+    delivered; both count only if a model has that effect. force (ticks, n): a trial force of
+    unknown cause on the masses. begins [s]: time since the start of the recording; notes: sentences
+    for the answer. before: the earlier part, if this is the rest of a recording; an observer
+    follows it first, since it determines states that later samples may not (a position, if only
+    velocity is measured; the side of a play). changes: known differences of the device. pushed:
+    the drive, if its force gives the first output. differenced: the filter coefficient of positions
+    that were velocities. folded: whether a rectifying sensor was unfolded. shares: the share of
+    each change of a parameter (`Model.varying`), zero if not listed. base (ticks,): acceleration of
+    the base, held for a tick, if recorded; pushes (ticks, n): likewise forces on the masses.
+    covariates: other recorded quantities (a temperature) on which parameters may depend. strengths
+    (ticks,): recorded factor of the drive's force (0 if off, else supply over nominal voltage);
+    None for 1. own: names of parameters with their own value, each with a word that is the same in
+    recordings that share the value. bridged (ticks,): where nothing was measured and `measured` is
     interpolated; None for nowhere. uncounted (ticks,): samples that do not judge: bridged ones, and
     those that the observer needs after each gap to find the state again. motions (ticks, n, n): how
     a small difference in a device's n states goes on over each tick, along the motion that an
@@ -140,7 +139,6 @@ class Experiment(Valued):
     swing: float = 1.0
     sensor_error: Floats | None = None
     dropped: NDArray[np.bool_] | None = None
-    start: Floats | None = None
     force: Floats | None = None
     begins: float = 0.0
     notes: tuple[str, ...] = ()
@@ -271,7 +269,6 @@ class Experiment(Valued):
         cut, first = slice(start, stop), start == 0
         return replace(
             self,
-            start=self.start if first else None,
             begins=self.begins + start * self.period,
             before=self.before if first else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
@@ -301,7 +298,6 @@ class Experiment(Valued):
             ),
             begins=first.begins,
             before=first.before,
-            start=first.start,
             **{**dict.fromkeys(SAMPLED), **joined},
         )
 

@@ -14,8 +14,8 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import shared
 from zwidth.diagnosis.model.parameters import Model, effect_labels
-from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Course, Family, Noise, likeliest
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Motions, Noise, likeliest
+from zwidth.diagnosis.noise.gaps import with_play
 from zwidth.diagnosis.noise.predictor import FINAL, SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -139,9 +139,9 @@ class Hypothesis:
     def less(self, index: int) -> "Hypothesis | None":
         """Return the hypothesis without one effect, not fitted again; None without an observer."""
         model, x = self.model.less(self.x, index)
-        near, begun = self.family.near(self.ratio), self.begun
+        near, motions = self.family.near(self.ratio), self.noise.motions
         with suppress(NoObserver):
-            return judged(self.experiments, model, x, self.family, near, self.prices, begun)
+            return judged(self.experiments, model, x, self.family, near, self.prices, motions)
         return None
 
     def moved(self, x: Floats) -> "Hypothesis":
@@ -167,13 +167,9 @@ class Hypothesis:
         residual = np.concatenate([weighed, there.residual[weighed.size :]])
         return replace(there, noise=noise, residual=residual)
 
-    @property
-    def begun(self) -> Sequence[Course] | None:
-        """With play, what the observer found of the recordings, which takes long; else None."""
-        return self.noise.courses if self.has_valleys else None
-
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
-        return judged(self.experiments, self.model, x, self.family, among, self.prices, self.begun)
+        motions = self.noise.motions
+        return judged(self.experiments, self.model, x, self.family, among, self.prices, motions)
 
     @property
     def fitted(self) -> Fitted:
@@ -190,16 +186,16 @@ def judged(
     family: Family = NEXT_SAMPLE,
     among: Family | None = None,
     prices: Prices = (),
-    begun: Sequence[Course] | None = None,
+    motions: Motions = None,
 ) -> Hypothesis:
     """Return a model at x with its most likely noise; raises NoObserver if none is possible.
 
     among: the members of the family that are tried, None for all. prices: ignored for effects that
-    the model lacks. begun: as in `noise.family.likeliest`.
+    the model lacks. motions: as in `noise.family.likeliest`.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
-    noise = likeliest(experiments, model, x, among or family, begun)
+    noise = likeliest(experiments, model, x, among or family, motions)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     residual = np.concatenate([noise.weighed, x[ground.priors]])

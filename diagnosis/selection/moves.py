@@ -14,8 +14,8 @@ from zwidth.diagnosis.fitting.descend import creased, descend
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
-from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import SLOWER, Course, Family, blind
+from zwidth.diagnosis.noise.family import SLOWER, Family, Motions, blind
+from zwidth.diagnosis.noise.gaps import with_play
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -53,9 +53,7 @@ class Proposal:
     under: the problem of the first fit, None if the proposal needs no such fit. family: of the
     noise; near: ratio about which the noise is sought, None for the whole family. prices: as in
     `Hypothesis`. akin: whether only the place of an effect differs from the original hypothesis, or
-    the law is a simpler or a richer one of its kind. begins: what the original's observer found of
-    the recordings. With play, initial states are computed again only at the end of a fit; computing
-    them for each move took 28 % of a search.
+    the law is a simpler or a richer one of its kind. motions: those of the original, with play.
     """
 
     experiments: Sequence[Experiment]
@@ -66,7 +64,7 @@ class Proposal:
     near: float | None = None
     prices: Prices = ()
     akin: bool = False
-    begins: Sequence[Course] | None = None
+    motions: Motions = None
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return the hypothesis at x with its most likely noise; may raise NoObserver.
@@ -75,7 +73,7 @@ class Proposal:
         it would cost more than a fit that started with its own.
         """
         among = None if self.near is None else self.family.near(self.near)
-        h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.begins)
+        h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.motions)
         if among is not None or self.under is None:
             return h
         return _on_its_way(h, Effort.own_rounds)
@@ -250,7 +248,14 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         model, x = h.model.less(h.x, i)
         for begun in (x, *_handed_over(model, x, gone)):
             yield Proposal(
-                h.experiments, model, begun, h.family, under, h.ratio, h.prices, begins=h.begun
+                h.experiments,
+                model,
+                begun,
+                h.family,
+                under,
+                h.ratio,
+                h.prices,
+                motions=h.noise.motions,
             )
 
 
@@ -508,7 +513,9 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     costs = Landscape(seen.problem.experiments, seen.problem.observer, model, SCREENING).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
-    return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices, begins=h.begun)
+    return Proposal(
+        h.experiments, model, x, h.family, seen.problem, near, h.prices, motions=h.noise.motions
+    )
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
@@ -537,5 +544,5 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start,
         other = other.with_effect(start.physics, start.scales, start.bounds)
     begin = other.within(model.beside(x, np.zeros(other.lasting - model.lasting)))
     return Proposal(
-        h.experiments, other, begin, h.family, problem, h.ratio, h.prices, begins=h.begun
+        h.experiments, other, begin, h.family, problem, h.ratio, h.prices, motions=h.noise.motions
     )

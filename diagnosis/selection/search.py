@@ -470,7 +470,9 @@ def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothes
     if frozenset(effect_labels(model.effects)) == best.labels:
         near = best.family.near(first.ratio)
         with suppress(NoObserver):
-            begun = judged(best.experiments, model, x, best.family, near, best.prices, first.begun)
+            begun = judged(
+                best.experiments, model, x, best.family, near, best.prices, first.noise.motions
+            )
             again = found.keep(settled(begun, turns=2))
             if again.cost.total < best.cost.total:
                 found.best = again
