@@ -20,7 +20,7 @@ import numpy as np
 
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import likeliest
-from zwidth.diagnosis.noise.predictor import free_run_errors, observer_near
+from zwidth.diagnosis.noise.predictor import beginning_near, free_run_errors
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -101,7 +101,7 @@ def as_seen(e: Experiment, origin: float | None) -> Experiment:
 def _error(device: Device, experiments: Sequence[Experiment], ratio: float) -> float:
     errors: list[np.ndarray] = []
     for e in experiments:
-        gain = observer_near(device, e, ratio)
+        gain = beginning_near(device, [e], ratio)
         found, _ = free_run_errors(device, e, gain, window_of(e.ticks, e.period))
         errors.append(found[:, 0])
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

@@ -353,7 +353,7 @@ def _reading_late(e: Experiment, model: Model, start: Floats) -> _Way | None:
     for n in range(1, min(LATEST, e.ticks // 10)):
         later = e.part(n, e.ticks)
         other = replace(
-            e.part(0, e.ticks - n), measured=later.measured, start=None,
+            e.part(0, e.ticks - n), measured=later.measured,
             bridged=later.bridged, uncounted=later.uncounted,
         )  # fmt: skip
         try:

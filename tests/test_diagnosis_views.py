@@ -11,7 +11,6 @@ from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phanto
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.fitting.descend import fit
-from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.forces.unknown import instead, unknown
 from zwidth.diagnosis.model.parameters import Model
@@ -92,7 +91,6 @@ def test_the_response_is_what_a_unit_changes(place: str):
     """
     e = record(phantom(), 1.0, seed=3)
     problem, fitted = refit(phantom(), [e])
-    problem = Problem([replace(x, start=None) for x in problem.experiments], problem.observer)
     device, seen = fitted.model.acting(fitted.x), problem.experiments[0]
     at, force = 400, np.zeros((seen.ticks, 3))
     other = replace(seen, command=seen.command.copy(), measured=seen.measured.copy())

@@ -62,7 +62,8 @@ def test_dry_friction_is_told_from_a_decay_by_its_straight_envelope() -> None:
     )
     assert list(findings) == ["coulomb_friction@m1"]
     level = findings["coulomb_friction@m1"]["level"]  # pyright: ignore
-    assert level.value == pytest.approx(0.12, rel=0.02)
+    assert level.value == pytest.approx(0.12, rel=0.05)  # motion alone tells no scale of forces
+    assert level.lower < 0.12 < level.upper
     assert verdict in (Verdict.IDENTIFIED, Verdict.CONFUSABLE)
 
 

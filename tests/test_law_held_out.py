@@ -8,6 +8,7 @@ from learning_examples import DEVICE, recording, without_names
 from zwidth.diagnosis.answer.learned import Asked
 from zwidth.diagnosis.answer.whole_run import free_run, whole_runs
 from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.noise.gaps import steadily
 from zwidth.diagnosis.selection.searched import as_found
 
 
@@ -30,8 +31,7 @@ def test_a_run_begins_where_no_observer_follows() -> None:
     """From its first samples. Mutation: the state that the observer left."""
     found = as_found(DEVICE, without_names(cube))
     held = recording(cube).split()[1]
-    gain = found.judge.gain
-    assert isinstance(gain, np.ndarray)
+    gain = steadily(found.judge.gain)
     wild = replace(found.judge, gain=1e4 * gain)
     off = free_run(found.final.model, found.final.x, held, wild) - held.measured
     assert np.sqrt(np.mean(off**2)) < 0.3 * held.measured.std()
@@ -44,8 +44,7 @@ def test_a_law_begins_by_its_own_noise() -> None:
     """
     found = as_found(DEVICE, without_names(cube))
     held = [recording(cube).split()[1]]
-    gain = found.judge.gain
-    assert isinstance(gain, np.ndarray)
+    gain = steadily(found.judge.gain)
     slow = replace(found.judge, gain=0.5 * gain)
     (run,) = whole_runs(DEVICE, replace(found, judge=slow), held, [], found)
     assert run.errors["law"] != run.errors["after"]

@@ -43,10 +43,10 @@ def test_an_observer_finds_a_motion_that_goes_on_at_once(outputs: tuple[int, ...
     device = drive()
     cut = recording(device, 2500, 4, outputs).part(700, 2500)
     gain = changing(device, [cut], 1e-9, steady(device, cut, 1e-9).gain)
-    early = np.std(innovations(device, cut, gain)[SETTLING:400])
-    late = np.std(innovations(device, cut, gain)[-800:])
-    assert early < 1.3 * late
-    assert np.std(innovations(device, cut, gain.steady)[SETTLING:400]) > 3.0 * late
+    early = np.std(innovations(device, cut, gain)[SETTLING:400], axis=0)
+    late = np.std(innovations(device, cut, gain)[-800:], axis=0)
+    assert np.all(early < 1.1 * late)
+    assert np.all(np.std(innovations(device, cut, gain.steady)[SETTLING:400], axis=0) > 1.1 * late)
     assert gain.first.shape[1] < 2000
 
 
@@ -102,7 +102,6 @@ def test_what_is_behind_play_is_found_on_its_side() -> None:
         own = likeliest([e], model, x)
         gain = own.observer.gain
         assert isinstance(gain, Changing)
-        assert gain.follows
         (seen,) = own.problem([e]).experiments
         states = followed(model.acting(x), seen, gain)
         off = np.abs(states[SETTLING:400, 1] - both.measured[SETTLING:400, 1])

@@ -9,6 +9,8 @@ from fitting_examples import drive, recording
 from zwidth.diagnosis.answer.regimes import foretold_by_rest, held, regimes, step_without
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.fitting.straight import along
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -78,10 +80,11 @@ def test_a_step_of_the_fit_leaves_a_regime_out():
     found = step_without(rows, slopes[:samples, None, :], prior, second.where)
     alone = fit(Problem(problem.experiments[:1], problem.observer), both.model, both.x)
     assert found is not None
-    dx = found[0]
-    size = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
-    assert dx / size == pytest.approx((alone.x - both.x) / size, abs=0.3)
-    assert np.abs(dx / size).max() > 0.4
+    (curve,) = along(both.model, both.x, [found[0]], (0.25, 0.5, 1.0))
+    rest = Landscape(problem.experiments[:1], problem.observer, both.model, problem.fineness)
+    before, stepped, fitted_alone = rest.costs([both.x, curve[-1], alone.x])
+    assert stepped < fitted_alone + 0.2
+    assert before > fitted_alone + 0.5
 
 
 @pytest.mark.parametrize("told", [1.0, 0.1])

@@ -23,10 +23,10 @@ from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,
+    beginning_near,
     deviation,
     free_run_starts,
     free_runs,
-    observer_near,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.export.read_joint import drives_of, input_of, joint_of
@@ -71,7 +71,7 @@ class ModelRuns:
         model, device = Model(self.device), self.device
         x = np.zeros(len(model.parameters))
         built, seen = model.acting(x), model.seen(e, x)
-        gain = observer_near(built, seen, band.ratio)
+        gain = beginning_near(built, [seen], band.ratio)
         noise = deviation(built, [seen], gain)
         observer = Observer(gain, np.maximum(noise, np.finfo(np.float64).tiny), band.ratio)
         ticks = min(max(SHORTEST_WINDOW, round(band.window / e.period)), e.ticks)

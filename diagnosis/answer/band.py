@@ -23,6 +23,7 @@ its band while it is cold; a check is meant to report this.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +35,9 @@ from zwidth.diagnosis.noise.family import followed_by
 from zwidth.diagnosis.noise.predictor import (
     SHORTEST_WINDOW,
     Observer,
+    beginning_near,
     deviation,
     free_run_errors,
-    observer_near,
     window,
 )
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -46,6 +47,7 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 WINDOWS = 6  # at least, if the held-out data are long enough
+LESS_TRUSTING = (1.0, 10.0, 100.0, 1e3)  # times the ratio of the fit
 SCATTER = 0.5  # of mean squares, at least
 RARE = 1e-3  # probability that an unchanged machine is called changed
 
@@ -71,7 +73,7 @@ def windows_of(
     """Return free runs of a model at x from an observer's states; may raise NoObserver."""
     built = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
-    gain = observer_near(built, seen[0], ratio)
+    gain = beginning_near(built, seen, ratio)
     noise = deviation(built, seen, gain)
     observer = Observer(gain, np.maximum(noise, np.finfo(np.float64).tiny), ratio)
     errors: list[Floats] = []
@@ -94,14 +96,25 @@ def band_of(
 ) -> Band | None:
     """Return the band of a device on held-out data, None for fewer than two windows.
 
-    Raises NoObserver if none is possible.
+    ratio: of the observer of the fit. The band's is the best of some that trust the device less: of
+    a file, with numbers of some digits and without what is a recording's own, a very trusting
+    observer predicts worse. Raises NoObserver if none is possible.
     """
     model = Model(device)
+    ratio = min(LESS_TRUSTING, key=partial(_noise, model, judge_by, ratio)) * ratio
     shortest = min(judge_by, key=lambda e: e.ticks)
     ticks = max(SHORTEST_WINDOW, min(window(shortest), sum(e.ticks for e in judge_by) // WINDOWS))
     seconds = ticks * shortest.period
     found = windows_of(model, np.zeros(len(model.parameters)), judge_by, ratio, seconds)
     return of_windows(found, seconds, ratio, [f.kind for f in faults if f.wrong])
+
+
+def _noise(model: Model, judge_by: Sequence[Experiment], ratio: float, times: float) -> float:
+    """Deviation of the first output's innovations with a ratio so many times as large."""
+    x = np.zeros(len(model.parameters))
+    built, seen = model.acting(x), [model.seen(e, x) for e in judge_by]
+    noise = float(deviation(built, seen, beginning_near(built, seen, times * ratio))[0])
+    return noise if math.isfinite(noise) else math.inf
 
 
 def of_windows(

@@ -24,6 +24,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.noise.gaps import steadily
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations, prepared
 from zwidth.sim.place import place_at
 
@@ -76,7 +77,7 @@ def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> F
         first.unmoved(), command=command, measured=measured, sensor_error=None, dropped=None,
         force=None, before=None, bridged=None, uncounted=None,
     )  # fmt: skip
-    answer = innovations(device, still, problem.observer.gain, force, ready)
+    answer = innovations(device, still, steadily(problem.observer.gain), force, ready)
     return problem.observer.weigh(answer)[LEAD:]
 
 

@@ -208,11 +208,12 @@ class _Followed:
         gains = steady_gains([bare] * len(ratios), first, np.array(ratios))
         if links := links_with_play(self.device):
             gains = with_apart(bare, links, first, gains)
-        return [
-            (ratio, changing(bare, self.seen, ratio, gain, follows=follows))
-            for ratio, gain in zip(ratios, gains, strict=True)
-            if np.all(np.isfinite(gain))
-        ]
+        found: list[tuple[float, Gain]] = []
+        for ratio, gain in zip(ratios, gains, strict=True):
+            if np.all(np.isfinite(gain)):
+                with suppress(NoObserver):
+                    found.append((ratio, changing(bare, self.seen, ratio, gain, follows=follows)))
+        return found
 
     def noises(self, family: Family, motions: Motions) -> list[Noise]:
         """Return the noise models of a family: of steady observers, or along known motions."""

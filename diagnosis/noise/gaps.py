@@ -7,8 +7,8 @@ gains of Kalman's filter follow it,
 
 where m_k = 1 if sample k was measured and 0 if it was lost, for the linear model and the noise of
 the steady observer (`noise.steady`). P_0 is its P and some units of noise in each position, and as
-many a tick in each velocity: three if the machine begins at rest, or as many as it moves at first
-(`unrest`). After some ticks K is the steady gain. What others cost:
+many a tick in each velocity: three where the position is read or the machine begins at rest, or as
+many as it moves at first (`unrest`). After some ticks K is the steady gain. What others cost:
 
 - At the beginning a steady gain forgets a wrong state slowly. An initial state by least squares was
   fitted to the first samples too, which the cost of a fit leaves out, so that fits and noise in
@@ -109,8 +109,9 @@ def changing(
         held = hold(plant, like.period)[1]
         own = process_of(plant, held, like.period, ratio, *unseen.tolist())
         known = known._replace(process=own)
-    n, wide = device.chain.masses.size, np.zeros(known.p.shape[0])
-    begins = max(unrest(e) for e in experiments)
+    n, wide = known.p.shape[0] // 2, np.zeros(known.p.shape[0])
+    begins = np.full(n, max(unrest(e) for e in experiments))
+    begins[[o.mass for o in like.outputs if o.tells_position]] = AT_REST
     wide[:n], wide[n : 2 * n] = begins**2, (begins / like.period) ** 2
     return Changing(gain, known, known.p + np.diag(wide), follows)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.gaps import Changing, Gain, along, covariance_after, steadily
+from zwidth.diagnosis.noise.gaps import Changing, Gain, along, changing, covariance_after, steadily
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
@@ -34,7 +34,8 @@ ORDER = 24  # of the filters that whiten, at most
 SPARED = 100  # samples for each coefficient, at least
 MEMORY = 24.0  # lags over which they see correlation
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
-SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
+# Weights of the first samples in the slope, at the first, of the parabola through them.
+SLOPE = np.linalg.pinv(np.vander(np.arange(10.0), 3, increasing=True))[1]
 MOST_SUBSTEPS = 256  # per tick: friction beside a mode of 100 kHz at 1 kHz
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
@@ -579,15 +580,21 @@ def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats
 
 
 def observer_near(device: Device, experiment: Experiment, ratio: float) -> Floats:
-    """Return the gain for a ratio, or for the nearest ratio with an observer.
+    """Return the steady gain for a ratio, or for the nearest ratio with an observer.
 
     The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
     not for the next. Raises NoObserver if none is possible within six decades.
     """
-    for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
+    return beginning_near(device, [experiment], ratio).steady
+
+
+def beginning_near(device: Device, experiments: Sequence[Experiment], ratio: float) -> Changing:
+    """Return the gain from the first sample on for a ratio, or for one near it, `observer_near`."""
+    for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5, 6):
         with suppress(NoObserver):
-            return observer_for(device, experiment, ratio * 10.0**decades)
-    return observer_for(device, experiment, ratio * 1e6)
+            near = ratio * 10.0**decades
+            return changing(device, experiments, near, observer_for(device, experiments[0], near))
+    raise NoObserver("no observer is possible within six decades of its ratio")
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Gain) -> Floats:
