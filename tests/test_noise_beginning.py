@@ -77,21 +77,6 @@ def test_a_beginning_moves_no_parameter(seed: int) -> None:
     assert max(own) < 0.05
 
 
-@pytest.mark.parametrize("level", [0.015, 0.03])
-def test_what_begins_at_rest_under_friction_begins_at_rest(level: float) -> None:
-    """The noise is that of the encoder from the first sample on, at the truth.
-
-    Mutation: a beginning a thousand times as uncertain.
-    """
-    friction = make_physics("coulomb_friction", "m1", level=level)
-    e = recording(drive().with_physics(friction), 3000, 4)
-    model = model_of(friction)
-    x = np.zeros(len(model.parameters))
-    problem = likeliest([e], model, x).problem([e])
-    errors = innovations(model.acting(x), e, problem.observer.gain)[:, 0]
-    assert np.std(errors[SETTLING:700]) < 1.1 * np.std(errors[700:])
-
-
 def test_what_is_behind_play_is_found_on_its_side() -> None:
     """Nothing measures it. Mutations: a known beginning; steady gains."""
     model = model_of(*BOTH)

@@ -7,7 +7,7 @@ gains of Kalman's filter follow it,
 
 where m_k = 1 if sample k was measured and 0 if it was lost, for the linear model and the noise of
 the steady observer (`noise.steady`). P_0 is its P and some units of noise in each position, and as
-many a tick in each velocity: three where the position is read or the machine begins at rest, or as
+many a tick in each velocity: ten where the position is read or the machine begins at rest, or as
 many as it moves at first (`unrest`). After some ticks K is the steady gain. What others cost:
 
 - At the beginning a steady gain forgets a wrong state slowly. An initial state by least squares was
@@ -15,7 +15,7 @@ many as it moves at first (`unrest`). After some ticks K is the steady gain. Wha
   turn drifted away from the truth. (On a rig with a limit of the command's rate, masses known to
   0.9 % ended 12 of their standard errors off. On 50 recordings of an exam, fits of the true
   structure from its device file had 383 of 412 linear values within their intervals; with these
-  gains, and steps along curves, `fitting.straight`, 393.)
+  gains, and steps along curves, `fitting.straight`, 392.)
 - After each gap of 10 samples, under an unknown force as large as the command, a link's damper was
   wrong by 5 of its standard errors with the steady gain.
 
@@ -46,7 +46,7 @@ from zwidth.sim.plant import hold
 
 Floats = NDArray[np.float64]
 Lost = NDArray[np.bool_]
-AT_REST, FASTEST = 3.0, 100.0  # units of noise: at the first sample, and in a tick
+AT_REST, FASTEST = 10.0, 100.0  # units of noise: at the first sample, and in a tick
 BEGINNING = 10  # samples that tell how fast a machine moves at first
 SETTLED = 1e-3  # of the steady gain: change below which a gain is the steady one
 FIRST, MOST = 250, 2000  # ticks until then: tried first, and at most
@@ -125,9 +125,9 @@ def unrest(e: Experiment) -> float:
     """By how many units of noise a machine moves in a tick at first, from `AT_REST` to `FASTEST`.
 
     Its speed is that of the straight line through its first readings, its noise what is left.
-    Masses may differ by as much from the motion that the first readings show. (With ten units, six
-    motors with friction that begin at rest cost up to 74 more in -2 ln than with three; with one, a
-    rig of an exam that begins in motion cost 53 more.)
+    Masses may differ by as much from the motion that the first readings show. (With three units six
+    motors with friction that begin at rest cost up to 74 less in -2 ln than with ten; but a rig of
+    an exam that begins in motion cost 13 more, and the play of the friction damper was not found.)
     """
     first = next((o for o, output in enumerate(e.outputs) if output.tells_position), None)
     read = e.measured[:BEGINNING, 0 if first is None else first]
