@@ -1,8 +1,7 @@
 """Predicts outputs under a new command: the state from the first samples, then a free run.
 
-The answer's observer follows the first window, from the initial state that fits this window best
-(`noise.beginning`); after the window nothing is corrected. An answer is judged on held-out data by
-the same free run (`whole_run`), with the data before it cut to the window.
+The answer's observer follows the first window, uncertain at its first sample (`noise.gaps`); after
+the window nothing is corrected. An answer is judged on held-out data by the same free run (`whole_run`), with the data before it cut to the window.
 
 The prediction uses the answer, with a learned law only if the law is well known: a curve whose band
 is as wide as the curve is high (friction between the speeds at which a recording dwells) predicts
