@@ -1,7 +1,8 @@
 """Predicts outputs under a new command: the state from the first samples, then a free run.
 
 The answer's observer follows the first window, uncertain at its first sample (`noise.gaps`); after
-the window nothing is corrected. An answer is judged on held-out data by the same free run (`whole_run`), with the data before it cut to the window.
+the window nothing is corrected. An answer is judged on held-out data by the same free run
+(`whole_run`), with the data before it cut to the window.
 
 The prediction uses the answer, with a learned law only if the law is well known: a curve whose band
 is as wide as the curve is high (friction between the speeds at which a recording dwells) predicts
