@@ -135,10 +135,9 @@ def unrest(e: Experiment) -> float:
     speed = float(read.mean()) if first is None else float(at @ read) / float(at @ at)
     left = read - read.mean() - (0.0 if first is None else speed * at)
     noise = float(np.std(left))
-    fast = abs(speed) > AT_REST * noise
-    return (
-        min(abs(speed) / noise, FASTEST) if fast and noise > 0.0 else FASTEST if fast else AT_REST
-    )
+    if abs(speed) <= AT_REST * noise:
+        return AT_REST
+    return min(abs(speed) / noise, FASTEST) if noise > 0.0 else FASTEST
 
 
 def steadily(gain: Gain) -> Floats:

@@ -256,7 +256,7 @@ def settled(
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
         best = _settled(again, turns, rounds, to_the_end)
-    if best.has_valleys:  # compute the initial state anew
+    if best.has_valleys:  # follow the recordings anew
         near = best.family.near(best.ratio)
         anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
         best = replace(anew, ended=best.ended) if anew.cost.misfit < best.cost.misfit else best
