@@ -42,7 +42,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -360,8 +360,20 @@ def _better(
     return explained, max(_sigma(best_free - free), compared(best_step - step).sigma)
 
 
+class Fit(Protocol):
+    """A model with its parameters, (p,)."""
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def x(self) -> Floats: ...
+
+
 def freer(
-    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+    new: tuple[Fit, Observer],
+    old: tuple[Fit, Observer],
+    experiments: Sequence[Experiment],
+    apart: float = ADEQUACY.apart,
 ) -> bool:
     """Whether the free runs of one answer are better than another's.
 
@@ -375,11 +387,11 @@ def freer(
         told.append(clearly(b - a))
         if max(a.mean(), b.mean()) > 4.0 * min(a.mean(), b.mean()) > 0.0:
             told.append(clearly(log_ratios(b, a)))
-    return max(told, key=abs, default=0.0) > ADEQUACY.apart
+    return max(told, key=abs, default=0.0) > apart
 
 
 def oftener_freer(
-    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+    new: tuple[Fit, Observer], old: tuple[Fit, Observer], experiments: Sequence[Experiment]
 ) -> bool:
     """Whether free runs of one answer err less than another's more often than by chance.
 
@@ -394,7 +406,7 @@ def oftener_freer(
 
 
 def each_length(
-    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+    new: tuple[Fit, Observer], old: tuple[Fit, Observer], experiments: Sequence[Experiment]
 ) -> Iterator[tuple[int, Floats, Floats]]:
     """Yield each length [ticks], and the mean square errors (runs,) of both answers' free runs."""
     for ticks in _lengths(experiments):
