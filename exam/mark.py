@@ -3,7 +3,8 @@
 At the limit: an effect is distinct if its computed separation from every rival is at least five
 sigma; then it must be named first. Otherwise it must be in the class that was named: the finding
 and its rivals within five sigma. A rival that merely contains the effect does not count, since the
-simplest is meant (`Effect.contains`).
+simplest is meant (`Effect.contains`). An effect that moves the rig as another one does (a limit
+that falls with speed by nothing) is that other one, too.
 
 On rigs at full size: an effect must be found at its place, or be in a class that was named.
 
@@ -22,6 +23,7 @@ from zwidth.sim.physics import contains
 from zwidth.sim.place import of_label, place_at
 
 APART = 5.0  # sigma
+SAME = 1e-3  # sigma: no recording of any length tells these apart
 SURE = 0.9  # probability from which on a finding is said with confidence
 ANGLES = ("phase", "angle")
 
@@ -108,7 +110,7 @@ def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, 
     classes = [named_class(f) for f in findings]
     named = [_label(f) for f in seen]
     effects = tuple(_marked(h, seen, named, [named_class(f) for f in seen]) for h in hidden)
-    explained = {_label(h) for h in hidden}
+    explained = {label for h in hidden for label in _names(h)}
     right = [bool(explained.intersection(group)) for group in classes]
     refit: Mapping[str, Any] = said.get("linear_refit", {})
     adequacy = said.get("adequacy")
@@ -165,6 +167,12 @@ def _label(entry: Mapping[str, Any]) -> str:
     return f"{entry['effect']}@{entry['at']}"
 
 
+def _names(hidden: Mapping[str, Any]) -> list[str]:
+    """effect@place of a concealed effect, then of those that move the rig as it does."""
+    same = [rival for rival, distance in hidden.get("rivals", {}).items() if distance < SAME]
+    return [_label(hidden), *same]
+
+
 def named_class(finding: Mapping[str, Any]) -> set[str]:
     """Return effect@place of a finding and of its rivals within five sigma."""
     near = {
@@ -181,7 +189,7 @@ def _marked(
     labels: Sequence[str],
     classes: Sequence[set[str]],
 ) -> Marked:
-    label = _label(hidden)
+    label, names = _label(hidden), set(_names(hidden))
     inside: dict[str, bool] = {}
     errors: dict[str, float] = {}
     if label in labels:
@@ -198,9 +206,9 @@ def _marked(
         float(hidden.get("times_limit", hidden["sigma"] / APART)),
         float(hidden["sigma"]),
         stands_apart(hidden),
-        bool(labels) and labels[0] == label,
-        label in labels,
-        any(label in group for group in classes),
+        bool(labels) and labels[0] in names,
+        not names.isdisjoint(labels),
+        any(names & group for group in classes),
         inside,
         errors,
     )

@@ -294,6 +294,10 @@ def test_marks() -> None:
     assert m.linear == {"m1": False}
     near = FRICTION | {"rivals": {"dead_band@command": 4.0}}
     assert mark(key_of(near), answered(wrong), {}).effects[0].right
+    same = FRICTION | {"rivals": {"dead_band@command": 1e-9}}
+    m = mark(key_of(same), answered(finding("dead_band", "command", {})), {})
+    assert m.right  # no recording tells them apart
+    assert m.effects[0].first
     failed = {"diagnosis": None, "seconds": 1.0, "core_seconds": 1.0, "samples": 9, "error": "..."}
     assert mark(key_of(FRICTION), failed, {}).verdict == "error"
 

@@ -240,6 +240,12 @@ def test_a_drawn_effect_is_one_that_a_device_may_have(name: str):
         assert not math.isnan(sum(physics.values.values()))
 
 
+def test_a_drawn_limit_that_falls_with_speed_falls():
+    """Without a slope it is a saturation, and no diagnosis could name it."""
+    drawn = EFFECTS["falling_limit"].drawn(np.random.default_rng(3), SIZES, place_at("m1"))
+    assert 0.25 <= drawn["slope"] * SIZES.fastest[0] / drawn["limit"] <= 0.67
+
+
 def test_links_are_held_by_their_springs():
     assert SIZES.held(Place("link", 1)) == 14.5 * 6e-4
     assert SIZES.held(Place("ground")) == SIZES.force
