@@ -364,9 +364,14 @@ class Fit(Protocol):
     """A model with its parameters, (p,)."""
 
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model:
+        """The model."""
+        ...
+
     @property
-    def x(self) -> Floats: ...
+    def x(self) -> Floats:
+        """Its parameters."""
+        ...
 
 
 def freer(

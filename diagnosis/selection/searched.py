@@ -9,8 +9,8 @@ repeated with noise that counts errors as far ahead as free runs go (`noise.fami
 the two answers are compared by the errors of their free runs over every horizon, stretch by
 stretch; the horizon with the clearest difference decides. Both searches are always made if the
 recordings have too few free runs to reject anything (half a second), if the answer's simulated
-repetitions run away, or if another hypothesis that was tried clearly errs less in free runs. If the chosen answer does not explain held-out data, the other is compared
-with it there (`answer.stands`).
+repetitions run away, or if another hypothesis that was tried clearly errs less in free runs. If the
+chosen answer does not explain held-out data, the other is compared with it there (`answer.stands`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -170,7 +170,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
 
 
 def another_runs_freer(found: Searched) -> bool:
-    """Return whether free runs of another hypothesis that was tried clearly err less than the answer's.
+    """Return whether free runs of another tried hypothesis clearly err less than the answer's.
 
     The noise of a wrong law foretells its own errors, however large they are. (On a damper with
     play, a hardening spring costs 419 less one sample ahead, and errs three times as much in free
