@@ -348,3 +348,13 @@ def test_units_are_named():
     assert nearest_unit(3.46, True) == 3.46
     assert "1000 times too large" in sentence("r", ("position_m1",), 1e-3)
     assert "mm or mN m" in sentence("r", ("position_m1",), 1e-3)
+
+
+def test_a_command_that_often_reaches_its_largest_value_may_be_clipped():
+    """A step that holds its last level is not. Mutation: one stretch is enough."""
+    e = driven_motor(2000)
+    clipped = replace(e, command=np.clip(e.command, -0.04, 0.04))
+    step = np.where(np.arange(2000) < 1000, np.linspace(0.0, 0.05, 2000), 0.06)
+    for command, told in ((clipped.command, True), (step, False), (e.command, False)):
+        found = gate.oddities(motor(), replace(e, command=command))
+        assert ("clipped_command" in [fault.kind for fault in found]) is told

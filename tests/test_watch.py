@@ -240,7 +240,7 @@ def test_the_gate_tells_each_fault_once_and_within_a_second(tmp_path: Path, line
 
     found = follow(watch, tell, (Idle(), Idle()))
     assert found.samples == len(lines)
-    clipped = [(at, u) for at, u in told if "it was clipped" in u.sentence]
+    clipped = [(at, u) for at, u in told if "it was clipped before" in u.sentence]
     assert len(clipped) == 1
     assert clipped[0][0] < 5.0  # a second where nobody else computes
     assert all("cut short" not in u.sentence for _, u in told)

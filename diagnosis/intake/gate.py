@@ -89,12 +89,14 @@ def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
 
 def _clipped(e: Experiment) -> list[Fault]:
     peak = float(np.abs(e.command).max())
-    share = float(np.mean(np.abs(e.command) > (1.0 - 1e-9) * peak))
-    if share <= INTAKE.clipped or np.unique(np.abs(e.command)).size <= 20:
+    there = np.abs(e.command) > (1.0 - 1e-9) * peak
+    share, stretches = float(np.mean(there)), np.count_nonzero(np.diff(there, prepend=False) & there)
+    few = np.unique(np.abs(e.command)).size <= 20
+    if share <= INTAKE.clipped or few or stretches < 2:  # a step holds its last level
         return []
     sentence = (
-        f"{100.0 * share:.1f} % of the command of {e.name} is exactly +-{peak:.4g}: it was clipped"
-        " before it was recorded"
+        f"{100.0 * share:.1f} % of the command of {e.name} is exactly +-{peak:.4g}: either it was"
+        " clipped before it was recorded, or it holds this level"
     )
     return [Fault("clipped_command", sentence, False, peak)]
 
