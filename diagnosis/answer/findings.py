@@ -33,7 +33,7 @@ from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.diagnosis.settings import EVIDENCE, INTAKE
+from zwidth.diagnosis.settings import EVIDENCE, INTAKE, VERDICT
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
@@ -352,17 +352,19 @@ def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
     of its further parameters separates them. It has no probability of its own.
     """
     best = found.best
-    behind: dict[str, float] = {}
+    behind = _in_its_place(found, label)
     for h in found.tried.values():
         new, gone = h.labels - best.labels, best.labels - h.labels
-        # What costs without bound has a parameter of which the recordings say nothing.
-        if label not in gone or len(new) != 1 or not math.isfinite(h.cost.total):
+        if label not in gone or len(gone) < 2 or len(new) != 1 or not math.isfinite(h.cost.total):
             continue
         (other,) = new
-        # One law in the place of several is their rival where it contains them all.
-        if len(gone) == 1 or all(_contains(other, one) for one in gone):
-            sigma = math.sqrt(max(0.0, _behind(h, best)))
-            behind[other] = min(sigma, behind.get(other, math.inf))
+        # One law in place of several is their rival if it contains each, or what may be in its
+        # place: a constant force may be at either end of a link, and its friction at one only.
+        if all(
+            any(_contains(other, part) for part in (one, *_near(_in_its_place(found, one))))
+            for one in gone
+        ):
+            behind[other] = min(_sigmas_behind(h, best), behind.get(other, math.inf))
     for h in found.on_bounds.values():
         other = h.shrunk
         instead = h.labels == best.labels - {label} | {other}
@@ -376,6 +378,26 @@ def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
         for other, sigma in ordered
         for effect, place in [of_label(other)]
     )
+
+
+def _in_its_place(found: Search, label: str) -> dict[str, float]:
+    """How many sigma worse the best hypothesis is with one other effect in place of this one."""
+    best = found.best
+    others = {
+        next(iter(h.labels - best.labels)): _sigmas_behind(h, best)
+        for h in found.tried.values()
+        if label not in h.labels and len(best.labels - h.labels) == len(h.labels - best.labels) == 1
+    }
+    # What costs without bound has a parameter of which the recordings say nothing.
+    return {other: sigma for other, sigma in others.items() if math.isfinite(sigma)}
+
+
+def _near(behind: Mapping[str, float]) -> list[str]:
+    return [other for other, sigma in behind.items() if sigma < VERDICT.apart]
+
+
+def _sigmas_behind(h: Hypothesis, best: Hypothesis) -> float:
+    return math.sqrt(max(0.0, _behind(h, best))) if math.isfinite(h.cost.total) else math.inf
 
 
 def _contains(richer: str, simple: str) -> bool:

@@ -90,7 +90,8 @@ def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
 def _clipped(e: Experiment) -> list[Fault]:
     peak = float(np.abs(e.command).max())
     there = np.abs(e.command) > (1.0 - 1e-9) * peak
-    share, stretches = float(np.mean(there)), np.count_nonzero(np.diff(there, prepend=False) & there)
+    share = float(np.mean(there))
+    stretches = np.count_nonzero(np.diff(there, prepend=False) & there)
     few = np.unique(np.abs(e.command)).size <= 20
     if share <= INTAKE.clipped or few or stretches < 2:  # a step holds its last level
         return []
