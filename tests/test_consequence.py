@@ -143,6 +143,13 @@ def test_a_fit_that_ended_badly() -> None:
     assert ends_badly(fit(), (error(1.0, 1.2),), ()) == ""
 
 
+@pytest.mark.parametrize(("others", "bad"), [((1.6, 3.0), True), ((1.6, 1.4), False)])
+def test_a_whole_run_may_be_worse_by_chance(others: tuple[float, ...], bad: bool) -> None:
+    """If parameters within their uncertainty do better. Mutation: none is drawn."""
+    drawn = [(error(1.0, after),) for after in others]
+    assert bool(ends_badly(fit(), (error(1.0, 2.0),), (), lambda: drawn)) is bad
+
+
 def test_such_a_fit_is_no_answer() -> None:
     facts = Facts((finding(0.01, 0.02),), {}, Left(0.0, ""), bad="it is far")
     assert facts.verdict is Verdict.UNKNOWN_PHYSICS

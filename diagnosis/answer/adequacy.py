@@ -295,6 +295,12 @@ def _loud(
     return loudness([*white, *more], [e.command for e in (*seen, *before)])[: len(seen)]
 
 
+def drawn_x(final: Fitted, random: np.random.Generator) -> Floats:
+    """Return parameters x (p,) drawn from the uncertainty of a fit."""
+    root = _known(final)
+    return final.model.within(final.x + root @ random.standard_normal(root.shape[1]))
+
+
 def _known(final: Fitted) -> Floats:
     """Return a root (x, directions) of the covariance of x that the recordings determine.
 
@@ -322,10 +328,9 @@ def _bootstrapped(
     origin) are removed, and the answer's applied.
     """
     random = np.random.default_rng(seed)
-    root = _known(final)
     model, observer = final.model, noise.observer
     answer = model.acting(final.x)
-    x = model.within(final.x + root @ random.standard_normal(root.shape[1]))
+    x = drawn_x(final, random)
     played: list[Experiment] = []
     for i, (e, mine) in enumerate(zip(judge_by, own, strict=True)):
         theirs = model.seen(e, x)

@@ -1,11 +1,14 @@
 """Turns the result of the search into the answer: locates the difference and judges the model."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from zwidth.diagnosis.account import stage
+from zwidth.diagnosis.answer.adequacy import BOOTSTRAPS, drawn_x
 from zwidth.diagnosis.answer.augmented import improved
 from zwidth.diagnosis.answer.band import with_band
 from zwidth.diagnosis.answer.changes import Change, outlived
@@ -21,12 +24,13 @@ from zwidth.diagnosis.answer.posterior import with_posterior
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Diagnosis, Residuals, Verdict
 from zwidth.diagnosis.answer.stands import Stands, ends_badly, what_stands
 from zwidth.diagnosis.answer.verdict import NAMES_STAND, Facts, Reason, reason
-from zwidth.diagnosis.answer.whole_run import whole_runs
+from zwidth.diagnosis.answer.whole_run import WholeRun, whole_runs
 from zwidth.diagnosis.answer.words import IF_RIGHT, cautions, headline, where, why
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import WITH_LEVEL
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
@@ -72,7 +76,8 @@ def answered(
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
-    bad = attempt("adequacy", "", partial(ends_badly, by.final, runs, forces)) or ""
+    drawn = partial(_drawn_runs, device, by, fitted, judge_by)
+    bad = attempt("adequacy", "", partial(ends_badly, by.final, runs, forces, drawn)) or ""
     level = attempt("next level", "", partial(next_level, found, fitted, judge_by))
     lost = dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*WHAT_IS_LOST))
     facts = Facts(
@@ -122,6 +127,16 @@ def answered(
         cautions=(*cautions(findings, free, runs), *filter(None, [hint])), changes=changes,
         events=events, next_level=level, negligible=negligible,
     )  # fmt: skip
+
+
+def _drawn_runs(
+    device: Device, by: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
+) -> Iterator[Sequence[WholeRun]]:
+    """Whole runs of an answer whose parameters are drawn from their uncertainty."""
+    random = np.random.default_rng(0)
+    for _ in range(BOOTSTRAPS):
+        other = replace(by.final, x=drawn_x(by.final, random))
+        yield whole_runs(device, replace(by, final=other), fitted, judge_by)
 
 
 def _in_short(changes: Sequence[Change], events: Sequence[Event]) -> tuple[list[str], list[str]]:
