@@ -91,7 +91,7 @@ class Pursuit:
 
     glance: int = 2000
     """Ticks of all recordings in which strong effects are sought first. Tuned: see
-    docs/performance.md, The account."""
+    benchmarks/notes/performance.md, The account."""
 
     worth_a_glance: int = 3
     """Total length of recordings, as a multiple of `glance`, from which that is done. Derived: a

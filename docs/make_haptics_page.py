@@ -30,7 +30,7 @@ from zwidth.controllers.none import none
 from zwidth.controllers.region import region
 from zwidth.controllers.wall import wall
 from zwidth.figures.map import draw_fates, legend
-from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
+from zwidth.figures.style import AFTER, BEFORE, COLOURS, DASHES, SHAPES, STYLE
 from zwidth.figures.sweep import sweep_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
@@ -240,12 +240,20 @@ ratio 15, four estimators with a low-pass of 50 Hz behind each), motor, friction
 and two gains at which its position loop oscillates: 60 N m/rad with a period of 23 ms on the
 encoder, 12 with 45 ms on a Hall sensor. We did not know its measured walls when this was computed.
 
-The rest is drawn at random. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4).
-Delay: 0.3 to 2 periods. Damper: the value that the first gain (known to 20 %) requires in addition
-to friction. Start (a tap): 2 to 30 mrad. Radius (handle to axis): 70 to 120 mm. Low-pass: first
-order. FOAW: 8 to 24 readings, a band of 1 or 2 counts. Levant: a bound of 0.3 to 2.5 times the
-motor's largest acceleration. Kalman: constant velocity or acceleration, 1/30 to 1 of the motor's
-largest acceleration as one sigma. Hand and elasticity are left out. Intervals contain 90 % of the
+The rest is drawn at random:
+
+| quantity | drawn from |
+|---|---|
+| inertia | 7.0e-4 kg m2 with 10 % (one sigma); the two gains give 8.1e-4 and 5.9e-4 |
+| damper | what the first gain (known to 20 %) requires in addition to friction |
+| delay | 0.3 to 2 periods |
+| start (a tap) | 2 to 30 mrad |
+| radius (handle to axis) | 70 to 120 mm |
+| FOAW | 8 to 24 readings, a band of 1 or 2 counts |
+| Levant | a bound of 0.3 to 2.5 times the motor's largest acceleration |
+| Kalman | constant velocity or acceleration; one sigma: 1/30 to 1 of that acceleration |
+
+The low-pass is of first order. Hand and elasticity are left out. Intervals contain 90 % of the
 draws; B is tried up to 0.024 N s/mm:
 
 [[paddle]]
@@ -429,6 +437,11 @@ def chatter() -> str:
 
 # Passivity controller
 
+GUARD: dict[str, dict[str, Any]] = {
+    "plain": {"color": BEFORE, "linestyle": DASHES[1]},
+    "guarded": {"color": AFTER, "linestyle": DASHES[0]},
+}
+
 
 def draw_guard() -> str:
     """Draw a wall with and without it, and its gain over the delay; return the table."""
@@ -439,15 +452,14 @@ def draw_guard() -> str:
     rows: list[str] = []
     with rc_context(STYLE):
         figure, (left, middle, right) = panels(3, 12.5)
-        for i, law in enumerate(
-            (wall(3.0 * point.stiffness, 0.0), guarded(3.0 * point.stiffness, 0.0, SHARE * last))
+        for name, law in (
+            ("plain", wall(3.0 * point.stiffness, 0.0)),
+            ("guarded", guarded(3.0 * point.stiffness, 0.0, SHARE * last)),
         ):
             run = simulate(device, law, duration=0.3, start=Start(1e-3), ledger=True)
-            name = "plain" if law.kind == "wall" else "guarded"
-            left.plot(run.trace.t, 1e3 * run.trace["position_m1"], color=COLOURS[i],
-                      linestyle=DASHES[i], label=name)  # fmt: skip
+            left.plot(run.trace.t, 1e3 * run.trace["position_m1"], label=name, **GUARD[name])
             middle.plot(run.trace.t, -1e6 * run.trace["work_wall"] + _held(point.stiffness),
-                        color=COLOURS[i], linestyle=DASHES[i], label=name)  # fmt: skip
+                        label=name, **GUARD[name])  # fmt: skip
         left.set_ylim(-2.0, 2.0)
         left.set_xlabel("time [s]")
         left.set_ylabel("position [mrad]")
@@ -467,9 +479,8 @@ def draw_guard() -> str:
             plain, held = (float(middles(own, np.zeros(1), t)[0]) for t in trials)
             gains.append((plain, held))
             rows.append(f"| {1e3 * delay:g} ms | {plain:.4g} | {held:.4g} | {held / plain:.3g} |")
-        for i, name in enumerate(("plain", "guarded")):
-            right.plot(1e3 * delays, [g[i] for g in gains], color=COLOURS[i], marker=SHAPES[i],
-                       linestyle=DASHES[i], label=name)  # fmt: skip
+        for i, (name, look) in enumerate(GUARD.items()):
+            right.plot(1e3 * delays, [g[i] for g in gains], marker=SHAPES[i], label=name, **look)
         right.set_yscale("log")
         right.set_xlabel("delay [ms]")
         right.set_ylabel("stiffest stable wall, $B$ = 0 [N m/rad]")
@@ -533,7 +544,7 @@ def draw_textures() -> str:
                   label="simulated")  # fmt: skip
         left.set_xlabel("steepest slope of the grating over $K_\\mathrm{CR}$")
         left.set_ylabel("amplitude of the oscillation [mrad]")
-        left.set_title("a grating of 10 mrad holds its own growth")
+        left.set_title("amplitude in a grating of 10 mrad")
         left.legend()
         grid = np.linspace(0.0, b, 40)
         right.fill_between(grid, 2.0 * (b - grid) / T, color="0.9", label="passive, $b > KT/2 + B$")

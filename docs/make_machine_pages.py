@@ -17,7 +17,9 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: sums round the same way
 
-from zwidth.diagnosis.answer.friction_curve import friction_curve
+import numpy as np
+
+from zwidth.diagnosis.answer.friction_curve import FrictionCurve, friction_curve
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.answer.words import negligible_in_words
@@ -172,7 +174,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         cells = " | ".join([*shares[:-1], last, held])
         lines.append(f"| {run.output} of {run.recording} | {cells} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
-    if friction_curve(found.searched) is not None:
+    if told_by_velocity(found) is not None:
         lines += [f"![The friction that was found, against velocity]({name}_friction.png)", ""]
     if (law := found.learned) is not None:
         also = [s for s in (law.worth, law.absorbed, law.energy) if s]
@@ -182,6 +184,20 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
     lines += [f"Made on {date.today()} in {seconds:.0f} s of processor time (commit {commit()})."]
     return "\n".join(lines) + "\n"
+
+
+def told_by_velocity(found: Diagnosis) -> FrictionCurve | None:
+    """Return the friction over velocity; None without one, or if most samples need another force.
+
+    Then a picture shows a curve through a cloud. The rule: the median distance of the samples from
+    the curve must be below half of the median size of their forces.
+    """
+    curve = friction_curve(found.searched)
+    if curve is None or not curve.forces.size:  # of a free motion no sample is known
+        return curve
+    law = np.interp(curve.velocities, curve.whole.states, curve.whole.forces)
+    far, large = (float(np.median(np.abs(f))) for f in (curve.forces - law, curve.forces))
+    return curve if far < 0.5 * large else None
 
 
 def commit() -> str:
@@ -214,7 +230,7 @@ def make(name: str, data: Path) -> None:
         write_with(
             PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
         )
-        if (rubs := friction_curve(found.searched)) is not None:
+        if (rubs := told_by_velocity(found)) is not None:
             drawn = friction_curve_figure(rubs, found.device.rotary)
             write_with(
                 PAGES / f"{name}_friction.png",

@@ -145,8 +145,8 @@ def _effect_page(effect: Effect) -> str:
     parts = [
         f"{MADE}# {effect.name}\n\n{_sentence(effect.summary)}\n",
         f"![{effect.name}]({effect.name}.png)\n",
-        f"*At {shown.at}: {values or 'nothing to set'}. Left what it does, right the motion with it"
-        " and without it, and the change.*\n",
+        f"*At {shown.at}: {values or 'no parameters'}. Left: the law. Right: motion with and"
+        " without it, and the difference.*\n",
         _law(effect),
         "## Parameters\n",
     ]

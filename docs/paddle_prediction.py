@@ -356,7 +356,7 @@ def draw_shapes(p: Prediction) -> Figure:
             axes.set_xticks(DAMPINGS[::4])
         left.legend(loc="lower right")
         left.set_title("shape of each boundary: median of the draws")
-        right.set_title("over the difference: median, middle half")
+        right.set_title("ratio to the difference: median and middle half")
     return figure
 
 

@@ -45,8 +45,8 @@ def cost_of(
     share = loss(free_run(device, commands, seed), theirs)
     return Cost(
         share if share < float("inf") else None,
-        f"Measured, {how}, beside zwidth under the same multisine of {seconds:g} s: rms error"
-        f" {percent(share)} of the rms motion.",
+        f"The export was {how} under the same multisine of {seconds:g} s: its rms difference from"
+        f" zwidth is {percent(share)} of the motion.",
     )
 
 
@@ -63,14 +63,14 @@ def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floa
         case "c":
             return run_c(exported.text(), name, commands), "compiled and run"
         case "mjcf":
-            return run_mjcf(exported.text(), commands, period), "in MuJoCo"
+            return run_mjcf(exported.text(), commands, period), "run in MuJoCo"
         case "fmu":
-            return run_fmu(exported.content(), commands), "driven by fmpy"
+            return run_fmu(exported.content(), commands), "run by fmpy"
         case "bam":
-            return run_bam(exported.text(), commands, period), "in BAM's own simulator"
+            return run_bam(exported.text(), commands, period), "run in BAM's own simulator"
         case "urdf":
             limit = exported.held.interface.command_limit
-            return run_urdf(exported.text(), commands, period, limit), "in MuJoCo"
+            return run_urdf(exported.text(), commands, period, limit), "run in MuJoCo"
         case _:
-            how = "as zwidth itself simulates what the file says, since nothing else here reads it"
+            how = "simulated by zwidth itself, since nothing else here reads it,"
             return free_run(exported.held, commands), how

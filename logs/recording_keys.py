@@ -10,8 +10,8 @@ _CLOCK = (
 )  # fmt: skip
 _SIGNAL = (
     ("signal", "a column, a variable, or topic.field", "", "", '"torque"'),
-    ("file", "file of the signal, if another than the recording's, with samples at the times in"
-     " the recording's file", "", "the recording's", '"torque.txt"'),
+    ("file", "file of this signal, if it is not in the recording's file; its samples have the same"
+     " times", "", "the recording's", '"torque.txt"'),
     ("unit", "unit of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
     ("scale", "factor to SI; with unit, raw numbers are converted by it first", "", "1", "35.15"),
     ("offset", "added after the scale", "SI", "0", "0.0"),

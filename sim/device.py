@@ -122,9 +122,10 @@ class Device(Shown):
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
-        """Return, for each mass that an effect adds, the index of the mass to which it is attached.
+        """Return where each further mass and each filter of a reading is attached, as an index.
 
-        Then the place that each filtered reading follows.
+        Indices count from 0: the masses of the chain (0 is m1), then the masses that effects add,
+        then the filters. The result has the added masses first (`hung`), then the filters.
         """
         hung = self.hung()
         filters = filters_of([(p, p.values) for p in self.physics])
@@ -134,7 +135,10 @@ class Device(Shown):
         return (*hung, *reading(n, n + len(hung), filters).followers[:, 1].tolist())
 
     def hung(self) -> tuple[int, ...]:
-        """Return the index of the mass that carries each added mass; no filtered readings."""
+        """Return, for each mass that an effect adds, the index of the mass that carries it.
+
+        0 is m1. Filters of readings, which `hosts` includes, are left out.
+        """
         adding = [p for p in self.physics if p.effect.adds_mass]
         if not adding:
             return ()
@@ -322,8 +326,9 @@ def warnings_of(device: Device) -> list[str]:
     if not negative:
         return []
     unit = "N m s/rad" if device.rotary else "N s/m"
-    dampers = ", ".join(f"{name} = {value:.3g} {unit}" for name, value in negative.items())
+    dampers = " and ".join(f"{name} ({value:.3g} {unit})" for name, value in negative.items())
+    are = "is" if len(negative) == 1 else "are"
     return [
-        f"{dampers}: no passive chain equals this fit; 'zwidth devices DEVICE --passive' shows the"
-        " nearest that is"
+        f"{dampers} {are} negative: no passive chain fits exactly; 'zwidth devices DEVICE"
+        " --passive' shows the nearest"
     ]

@@ -127,7 +127,7 @@ DEVICE_KEYS: tuple[Key, ...] = (
     Key("band", "observer_ratio", "process over measurement variance of the observer that starts"
         " them"),
     Key("band", "corrected", "faults that were corrected in the recordings", default="[]"),
-    Key("band", "simulator", "what ran the model whose errors these are; empty for the device",
+    Key("band", "simulator", "simulator that these errors belong to; empty: the device itself",
         default='""', example='"MuJoCo 4.0.0"'),
     Key("band.output", "name", 'the output, as "position_m1"'),
     Key("band.output", "error", "rms of the free runs, in the unit of the output, as all here"),

@@ -20,8 +20,8 @@ class Interface(Valued):
     effect; encoder_step [rad | m], 0 for none; command_step and command_limit [N m | N], 0 and inf
     for none; velocity_cutoff_hz of the low-pass on the backward difference, inf for none;
     encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: factor on the
-    command, applied after its rounding and before the rest of the amplifier (limits are limits of
-    the force). position_origin [rad | m]: the recorded position at which the chain is at zero and a
+    command, applied after rounding and before limits and lag, so that limits are limits of the
+    force. position_origin [rad | m]: the recorded position at which the chain is at zero and a
     spring to ground is relaxed. command_hold: what a *recorded* command is between its samples,
     "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
 

@@ -62,8 +62,8 @@ class Search(Valued):
 
     tolerance: width of a bracket over its K. lowest, highest: K [N m/rad | N/m]; None stands for
     1e-6 and 1 times 4 m / T^2, above which no sampled wall is stable with the whole mass m. ratio:
-    of one K of the scan to the one before. felt: the boundary is where a wall's oscillation begins
-    to be felt (`sim/perception.py`), not where it begins to grow.
+    factor between two successive K of the scan. felt: the boundary is where a wall's oscillation
+    begins to be felt (`sim/perception.py`), not where it begins to grow.
     """
 
     tolerance: float = 5e-4

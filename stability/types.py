@@ -7,11 +7,12 @@ from zwidth.shown import Valued
 
 @dataclass(frozen=True)
 class LinearPoint(Valued):
-    """The end of the stable stiffness that begins at K = 0, for one virtual damping B.
+    """The end of the stable stiffness that begins at K = 0, by linear theory, for one damping B.
 
-    damping B [N m s/rad | N s/m]. stiffness [N m/rad | N/m]: where the first eigenvalue leaves the
-    unit circle; None if the loop is unstable however small K is. frequency_hz: the ultimate
-    frequency. departure: how fast the growth rate [1/s] of that eigenvalue rises with K.
+    damping: B [N m s/rad | N s/m]. stiffness [N m/rad | N/m]: walls of every K below it are stable;
+    None if even the softest wall is unstable. frequency_hz: frequency of the oscillation that grows
+    just above it. departure: how fast the growth rate [1/s] of this oscillation rises with K there.
+    Both are None without a stable wall.
     """
 
     damping: float

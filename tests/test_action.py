@@ -88,7 +88,7 @@ def test_a_true_simulation_passes_and_every_recording_that_a_pattern_names_is_ch
     assert done.returncode == 0, done.stderr
     suite = ElementTree.parse(rig / "zwidth-check.xml").getroot()
     assert sorted(case.attrib["name"] for case in suite) == ["a b.csv", "monday.csv"]
-    assert (rig / "output").read_text().startswith("sentence='bench' still describes")
+    assert (rig / "output").read_text().startswith("sentence=device 'bench' still describes")
     assert outputs(rig)["status"] == "0"
     assert "still describes all 2 recordings" in (rig / "summary").read_text()
 

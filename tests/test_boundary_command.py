@@ -89,7 +89,7 @@ def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     assert line == top["sentence"]
     k = f"{1e-3 * top['stiffness']:.4g} N/mm"
     assert line.startswith(f"Walls are stable up to {k}, at B = 6 N s/m (the largest tried)")
-    assert "the rigid body oscillates at 119 Hz" in line
+    assert "an oscillation of the rigid body at 119 Hz begins" in line
     assert "friction raises K by" in line
     assert "the encoder's step changes K by less than 0.2 %" in line
     (end,) = top["endings"]
@@ -115,20 +115,20 @@ def test_it_says_in_which_oscillation_the_simulation_ends(tmp_path: Path) -> Non
     f = held["frequency_hz"]
     assert f < 0.6 * held["endings"][0]["frequency_hz"]
     assert (
-        f"wall oscillates at {f:.3g} Hz (linear theory predicts the rigid body at 17.4 Hz)"
-        in (held["sentence"])
+        f"wall oscillates at {f:.3g} Hz (linear theory predicts an oscillation of the rigid body at"
+        " 17.4 Hz). At this frequency, sampling and delay make the spring" in held["sentence"]
     )
     lags = 360.0 * f * 3.5e-3, 360.0 * f * 4e-3  # T/2 + t_d, T + t_d
-    late = f"lags by {lags[0]:.0f}\u00b0 and its damping force by {lags[1]:.0f}\u00b0"
+    late = f"lag by {lags[0]:.0f}\u00b0 and the damping force by {lags[1]:.0f}\u00b0"
     assert late in held["sentence"]
 
     windows = answer("gaming_wheel", "--damping", "0.8", "--estimator", "foaw")
     f = windows["frequency_hz"]
     assert (
-        f"wall oscillates at {f:.3g} Hz: by sampling and delay, the spring force of the"
-        in (windows["sentence"])
+        f"wall oscillates at {f:.3g} Hz. At this frequency, sampling and delay make the spring"
+        in windows["sentence"]
     )
-    assert "its damping force" not in windows["sentence"]
+    assert "the damping force" not in windows["sentence"]
     assert "encoder_step" not in windows["without"]
 
     device = tmp_path / "two.toml"
@@ -139,7 +139,7 @@ def test_it_says_in_which_oscillation_the_simulation_ends(tmp_path: Path) -> Non
     )
     rates = answer(str(device), "--damping", "24")
     late = 360.0 * rates["frequency_hz"] * 1e-3
-    assert f"by {late:.0f}\u00b0 and its damping force by {late:.0f}\u00b0" in rates["sentence"]
+    assert f"by {late:.0f}\u00b0 and the damping force by {late:.0f}\u00b0" in rates["sentence"]
 
 
 def test_the_two_oscillations_of_the_answer_are_those_of_the_corner() -> None:

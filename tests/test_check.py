@@ -137,8 +137,8 @@ def test_changes_that_no_recording_has_in_common_are_named_for_each():
     found = check(banded(), every)
     assert found.explains
     assert found.sentence == (
-        "'bench' no longer describes rubs.csv and late.csv: Stribeck friction +12 % in rubs.csv;"
-        " delay +1 ms in late.csv"
+        "device 'bench' no longer describes rubs.csv and late.csv: Stribeck friction +12 % in"
+        " rubs.csv; delay +1 ms in late.csv"
     )
     of = {one["parameter"]: one["recording"] for one in found.as_json()["changed"]}
     assert of == {"stribeck_friction@m1": "rubs.csv", "loop_delay@clock.delay": "late.csv"}
@@ -153,8 +153,8 @@ def test_recordings_without_a_cause_are_told_from_those_with_one():
     every = tuple(Recording(name, (off,)) for name in names)
     found = Check("rig", every, changed, unexplained=("b", "d"), left=("e",))
     assert found.sentence == (
-        "'rig' no longer describes a, b, c and 2 more: delay +1 ms in a and c; no change of the"
-        " device's parameters explains b and d; --diagnose searches for other physics; check e"
+        "device 'rig' no longer describes a, b, c and 2 more: delay +1 ms in a and c; no change of"
+        " the device's parameters explains b and d; --diagnose searches for other physics; check e"
         " alone, too"
     )
 

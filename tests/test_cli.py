@@ -165,7 +165,7 @@ def test_devices_are_listed(capsys: pytest.CaptureFixture[str]):
 def test_a_device_is_described(capsys: pytest.CaptureFixture[str]):
     assert cli.run(["devices", "phantom_1_0"]) == Status.DONE
     out, err = capsys.readouterr()
-    assert err.startswith("warning: b1 = -0.0101 N m s/rad")
+    assert err.startswith("warning: b1 (-0.0101 N m s/rad) is negative")
     assert err.count("\n") == 1
     for number in ("0.000197241", "217.201", "76.262", "86.998", "delay 2 ms"):
         assert number in out

@@ -57,7 +57,7 @@ def test_the_shipped_device_is_table_i() -> None:
 
 def test_table_i_warns_of_its_negative_damper() -> None:
     (warning,) = warnings_of(PHANTOM)
-    assert warning.startswith("b1 = -0.0101 N m s/rad: no passive chain equals this fit")
+    assert warning.startswith("b1 (-0.0101 N m s/rad) is negative: no passive chain fits exactly")
     assert "'zwidth devices DEVICE --passive'" in warning
     assert warnings_of(device_from_text(CHAIN_TEXT)) == []
 

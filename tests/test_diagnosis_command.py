@@ -84,7 +84,8 @@ def test_diagnose_from_file_to_report(
     assert result["headline"].endswith(" at the motor is missing from the simulation")
     assert "<h1>Missing: Coulomb friction at the motor</h1>" in page
     assert f"<dd>{result['headline']}.</dd>" in page.replace("\u00a0", " ")
-    assert "<dt>How sure</dt><dd><strong>Identified</strong>. The probability is " in page
+    sure = "<dt>How sure</dt><dd><strong>Identified</strong>. The probability among all models"
+    assert f"{sure} tried is " in page
     assert "improved device o/swing.augmented.toml" in page  # what to do now
     assert " ".join(["zwidth", *line, "--json", "o/r.json"]) in html.unescape(page)
     assert f"cd {tmp_path} &amp;&amp; zwidth diagnose" in page

@@ -49,7 +49,7 @@ def test_the_title_names_what_is_missing_without_numbers():
     """Mutation: the headline with its intervals in the place of the title."""
     both = found(Verdict.IDENTIFIED, FRICTION, GRAVITY)
     assert title(both) == (
-        "Missing: Coulomb friction at the motor and gravity pendulum at the motor"
+        "Missing: Coulomb friction at the motor and a gravity pendulum at the motor"
     )
     assert title(found(Verdict.IDENTIFIED, *[FRICTION] * 5)).endswith("and 2 more")
     assert title(found(Verdict.NOTHING_MISSING)) == "This recording shows no missing physics"
@@ -61,15 +61,15 @@ def test_a_law_that_includes_an_effect_stands_in_its_place():
     one = found(Verdict.UNKNOWN_PHYSICS, FRICTION, learned=law)
     assert title(one) == "Physics is missing that is not in the library of effects"
     both = found(Verdict.UNKNOWN_PHYSICS, FRICTION, GRAVITY, learned=law)
-    assert title(both).endswith("besides gravity pendulum at the motor")
+    assert title(both).endswith("besides a gravity pendulum at the motor")
 
 
 def test_how_sure_is_said_by_the_least_certain_effect():
     """Mutation: the first effect's figures, or the largest."""
     said = how_sure(found(Verdict.IDENTIFIED, FRICTION, GRAVITY), "s")
     assert said == (
-        "the probability is 99 % (95 % is required); the least certain effect improves the fit by"
-        " 9 sigma (5 are required)"
+        "the probability among all models tried is 99 % (95 % is required); the least certain"
+        " effect improves the fit by 9 sigma (5 are required)"
     )
     sound = SimpleNamespace(explained=0.95)
     half = how_sure(found(Verdict.UNKNOWN_PHYSICS, FRICTION, adequacy=sound), "s")
@@ -82,7 +82,8 @@ def test_the_probability_on_the_first_screen_is_the_one_that_decides():
     """A limit that may also fall with speed. Mutation: the probability of the limit alone."""
     limit = replace(FRICTION, probability=0.811, with_richer=0.982)
     assert how_sure(found(Verdict.IDENTIFIED, limit), "s").startswith(
-        "the probability is 98.2 %, counting richer forms of the effect (95 % is required)"
+        "the probability among all models tried is 98.2 %, counting richer forms of the effect"
+        " (95 % is required)"
     )
 
 

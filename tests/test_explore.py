@@ -241,7 +241,7 @@ def test_a_recording_that_leaves_the_picture_says_so():
     run, far = np.array([0.1, -0.2]), np.array([0.0, -80.0])
     assert fitting(run, [far])[0] == pytest.approx(-0.6 - 0.05 * 0.7)
     assert reach(far) / reach(run) == pytest.approx(400.0)
-    assert of_the_recording(400.0) == "recording (moves 400 times as far)"
+    assert of_the_recording(400.0) == "recording (400 times larger)"
     assert of_the_recording(0.0) == "recording"
 
 

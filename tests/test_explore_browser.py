@@ -186,7 +186,7 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
         "slider Encoder step", "slider Command limit", "slider Delay", "slider Friction at m1",
         "slider Start amplitude", "BUTTON Reset the sliders to the device",
         "INPUT The wall only pushes", "INPUT K [N m/rad]", "INPUT B [N m s/rad]", "A log (MCAP)",
-        "A scenario", "INPUT Recording to draw beside the run:", "BUTTON Verdict",
+        "A scenario", "INPUT Recording to draw beside the run:", "BUTTON Outcome",
         "BUTTON Amplitude", "BUTTON Frequency",
     ]  # fmt: skip
     assert [one for one in met if one in wanted] == wanted

@@ -90,7 +90,7 @@ STOP = Finding("backlash", "link12", {"gap": Estimate(0.0077, 0.0066, 0.0088, "m
 def test_a_headline_has_no_intervals_and_says_a_place_once():
     """Mutations: intervals in brackets; more digits than three; "at the motor" after each."""
     assert headline(answer(STRIBECK, GRAVITY)) == (
-        "Stribeck friction of 25.0 mN m (40.0 mN m at rest) and pendulum gravity of 80.0 mN m at"
+        "Stribeck friction of 25.0 mN m (40.0 mN m at rest) and a gravity pendulum of 80.0 mN m at"
         " the motor are missing from the simulation"
     )
     assert headline(answer(STRIBECK, FRICTION, STOP, masses=2)).startswith(
@@ -350,6 +350,19 @@ def test_every_effect_has_words_and_its_size():
         assert not values or any(c.isdigit() for c in text)
 
 
+def test_friction_in_one_direction_only_is_said_so():
+    """Mutations: "0 uN m backwards"; said of a level that is small and known."""
+
+    def said(forwards: float, backwards: float) -> str:
+        levels = {"level_plus": forwards, "level_minus": backwards}
+        values = {n: Estimate(v, max(v - 2e-6, 0.0), v + 2e-6, "N m") for n, v in levels.items()}
+        return in_words(Finding("directional_friction", "m1", values, 9.0, ()), 1)
+
+    assert said(0.0439, 1e-8) == "friction of 43.9 mN m forwards (none backwards) at the motor"
+    assert said(0.0, 0.0439) == "friction of 43.9 mN m backwards (none forwards) at the motor"
+    assert said(0.0439, 0.001).endswith(" forwards and 1.00 mN m backwards at the motor")
+
+
 def held(top: ForceMap, share: float) -> Located:
     names = ("within 12 ms of a velocity reversal", "elsewhere")
     pairs = zip(names, (share, 1.0 - share), strict=True)
@@ -370,7 +383,8 @@ def test_where_says_what_the_map_shows():
     """
     agrees = where(held(force_map("m1", "velocity"), 0.9), 1)
     assert agrees.startswith(
-        "90 % of the prediction error of the refitted device lies within 12 ms"
+        "90 % of the prediction error of the refitted device lies within 12 ms of a velocity"
+        " reversal (50 % of the time); "
     )
     even = where(held(force_map("m1", "velocity"), 0.55), 1)
     assert even == (
@@ -420,6 +434,10 @@ def test_the_first_picture_shows_before_and_after_with_their_errors():
     assert labels[0] == "measured"
     assert "with the found effects: error 100 \u00b5rad rms (13 %)" in labels
     assert any(str(label).startswith("device file: error 300") for label in labels)
+    assert not any("cut off" in str(label) for label in labels)
+    far = whole_run_figure(whole(5e-3, 1e-4)).axes[0]
+    cut = [str(line.get_label()) for line in far.get_lines()]
+    assert [label.endswith(", cut off") for label in cut[:4]] == [False, True, True, False]
     alone = whole_run_figure(whole(3e-4, 1e-4), named=False).axes[0]
     assert [str(line.get_label())[:9] for line in alone.get_lines()][2] == "refitted:"
 

@@ -159,7 +159,7 @@ def test_the_command_writes_picture_scenario_and_json(
     line = ["plan", "--device", str(device), "--seconds", "2", "--excitation", "chirp"]
     assert run([*line, "--out", str(out), "--json", str(result)]) == 0
     said = capsys.readouterr().out
-    assert "Smallest magnitude that shows (5 sigma)" in said
+    assert "Smallest visible magnitude (5 sigma)" in said
     values = json.loads(result.read_text(encoding="utf-8"))
     (one,) = values["plans"]
     assert one["excitation"] == "chirp"

@@ -3,15 +3,21 @@
 import csv
 import html
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from sampled import SAMPLE, Sampled
+from test_narrow_terminal import ESCAPES, WIDE, Terminal
 
 from zwidth.api.given import trace_of
+from zwidth.console import Console
+from zwidth.diagnose_files import _say
 from zwidth.diagnosis.answer.result import Diagnosis, Estimate, Verdict
 from zwidth.diagnosis_report import Commands, assumptions, save_report
+from zwidth.figures.diagnosis import force_error_figure
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device_file import device_from_text
 from zwidth.sim.readable import with_unit
@@ -43,7 +49,7 @@ def test_the_report_says_each_thing_once(sampled: Sampled, tmp_path: Path) -> No
     assert 'id="where"' not in text
     assert 'href="#where"' not in text
     assert sampled.found.located.sentence not in html.unescape(text)
-    assert "from the state estimated at the beginning of the stretch" in text
+    assert "from the state that it estimates itself at the beginning" in text
     assert "from the measured state" not in text
     assert "in free runs over 0.05 s, where the effect shows most clearly" in text
     assert "runs at the top of this report last 0.5 s" in text
@@ -84,6 +90,41 @@ def test_the_answer_on_the_first_page_is_the_programs(sampled: Sampled) -> None:
     assert found.verdict.value == "identified"
     page = (ROOT / "README.md").read_text()
     assert all(value in page for value in ("gravity pendulum at the motor", "Stribeck friction at"))
+
+
+def test_the_output_on_the_first_pages_is_what_the_command_prints(
+    sampled: Sampled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In README and tutorial, but for the last digits. Mutation: one column more in a table."""
+    screen = Terminal()
+    monkeypatch.setenv("COLUMNS", str(WIDE))
+    monkeypatch.setattr(sys, "stdout", screen)
+    _say(Console(), sampled.found, ())
+    printed = ESCAPES.sub("", screen.getvalue()).splitlines()
+    assert max(map(len, printed)) <= WIDE
+    forms = [form(line) for line in printed]
+    readme = (ROOT / "README.md").read_text("utf-8")
+    tutorial = (ROOT / "docs" / "tutorial.md").read_text("utf-8")
+    answer = tutorial[tutorial.index("## 3.") : tutorial.index("## 5.")]
+    (block,) = re.findall(r"```text\n(.*?)```", readme, re.DOTALL)
+    indented = [line[4:] for line in answer.splitlines() if line.startswith("    ")]
+    for shown in (block.splitlines(), indented):
+        lines = [line for line in shown if line]
+        assert len(lines) > 10
+        assert [line for line in lines if form(line) not in forms] == []
+
+
+def test_a_force_error_too_large_for_its_panel_is_left_out_and_said(sampled: Sampled) -> None:
+    """The refit lacks 64 times as much. Mutation: all are drawn, and only slashes are seen."""
+    force, lacks = force_error_figure(sampled.found.force_errors[0]).axes
+    labels = [str(line.get_label()) for line in force.lines]
+    assert [label.endswith(", not shown below") for label in labels] == [False, True, True, False]
+    assert len(lacks.lines) == 2  # the found effects, and zero
+
+
+def form(line: str) -> str:
+    """A line with 0 for each number, and one space for several."""
+    return re.sub(r"-?\d[\d.]*", "0", " ".join(line.split()))
 
 
 def test_its_columns_as_arrays_are_the_recording_of_its_file(sampled: Sampled) -> None:

@@ -11,7 +11,7 @@
 Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals
     diagnose_fleet    many recordings of like devices: what is shared, what changed, which are odd
-    diagnose_joints   each joint of a recording with several, as of a robot
+    diagnose_joints   each joint of a machine with several, such as a robot
     check             whether answer.device still describes a later recording; what changed
     identify          a device from a recording of its command and position
     plan, excitation  what a recording would show before it is made; the command to record
@@ -19,11 +19,11 @@ How stiff a wall?
     boundary          stable stiffness over damping, by theory and by simulation
     critical_stiffness, corner    the linear theory alone: at one damping, at the top
     make_map, save_map            what a run does over two quantities: rests, oscillates, grows
-    sweep             the setting, as of the velocity filter, with the widest Z-width
+    sweep             the setting, such as the velocity filter's, with the largest Z-width
     relay             critical stiffness and frequency as a relay experiment reads them
     find_boundaries   boundaries of several devices over dampings that you choose; Trial(law=Law())
                       says which law the walls follow, Trial(perception=
-                      Perception()) from what on an oscillation is felt
+                      Perception()) sets from which size on an oscillation is felt
 What happens in a run?
     simulate          a device under wall, texture, region, guarded (by a passivity controller),
                       recorded, none or user_controller, or a Scenario

@@ -18,6 +18,7 @@ from zwidth.stability.top import Ending as Seen
 from zwidth.stability.top import endings, lags, without_parts
 
 NONE = "-"
+CAUSES = (DELAY, FILTER, AMPLIFIER)  # modes that are no motion of the device
 CHANGES = 2e-3  # of K, up to which a part of the device changes nothing
 IN_N_PER_MM = 1000.0
 PART_NAMES = {
@@ -93,23 +94,17 @@ def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
     """The oscillation that begins at the top, and why."""
     frequency = _frequency(boundary)
     if frequency is not None and not any(_same(one, frequency) for one in seen):
-        expected = " and ".join(f"{_named(one.mode)} at {one.frequency_hz:.3g} Hz" for one in seen)
+        expected = " and ".join(_oscillation(one) for one in seen)
         instead = f" (linear theory predicts {expected})" if seen else ""
         late = _late(*lags(boundary.device.interface, frequency))
-        return f" A stiffer wall oscillates at {frequency:.3g} Hz{instead}: {late}."
+        return f" A stiffer wall oscillates at {frequency:.3g} Hz{instead}. {late}."
     if not seen:
         return ""
-    if len(seen) == 1:
-        one = seen[0]
-        return (
-            f" At a stiffer wall, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz:"
-            f" {_late(one.spring_lag_deg, one.damper_lag_deg)}."
-        )
-    low, high = seen
+    last = seen[-1]
+    more = "".join(f"; with more damping, {_begins(one)}" for one in seen[1:])
     return (
-        f" At a stiffer wall, {_named(low.mode)} oscillates at {low.frequency_hz:.3g} Hz; with more"
-        f" damping, {_named(high.mode)} at {high.frequency_hz:.3g} Hz:"
-        f" {_late(high.spring_lag_deg, high.damper_lag_deg)}."
+        f" At a stiffer wall, {_begins(seen[0])}{more}."
+        f" {_late(last.spring_lag_deg, last.damper_lag_deg)}."
     )
 
 
@@ -123,17 +118,27 @@ def _same(one: Seen, frequency: float) -> bool:
 
 
 def _late(spring_deg: float, damper_deg: float | None) -> str:
-    """The phase lags of the wall's forces, and the effect on its damper."""
-    late = f"by sampling and delay, the spring force of the wall lags by {spring_deg:.0f}\u00b0"
+    """The phase lags of the wall's forces at the last frequency, and the effect on its damper."""
+    spring = f"make the spring force lag by {spring_deg:.0f}\u00b0"
     if damper_deg is None:
-        return late
+        return f"At this frequency, sampling and delay {spring}"
     turned = 90.0 < damper_deg % 360.0 < 270.0
-    drives = ", so that the damper drives the oscillation" if turned else ""
-    return f"{late} and its damping force by {damper_deg:.0f}\u00b0{drives}"
+    drives = ", so the damper drives the oscillation" if turned else ""
+    forces = f"{spring} and the damping force by {damper_deg:.0f}\u00b0{drives}"
+    return f"At this frequency, sampling and delay {forces}"
 
 
-def _named(mode: str) -> str:
-    return f"the {mode}" if mode in (RIGID, DELAY, FILTER, AMPLIFIER) else mode
+def _oscillation(one: Seen) -> str:
+    """An oscillation by its cause and frequency: "an oscillation of the rigid body at 119 Hz"."""
+    return _begins(one).replace(" begins", "")
+
+
+def _begins(one: Seen) -> str:
+    at = f"at {one.frequency_hz:.3g} Hz begins"
+    if one.mode in CAUSES:
+        return f"an oscillation {at}, caused by the {one.mode}"
+    the = "the " if one.mode == RIGID else ""
+    return f"an oscillation of {the}{one.mode} {at}"
 
 
 def _parts(found: Stiffest, without: Mapping[str, float | None], rotary: bool) -> str:

@@ -204,7 +204,7 @@ class Check(Shown):
     @property
     def sentence(self) -> str:
         """The answer in one sentence, without a full stop."""
-        what = self.simulator or f"'{self.device}'"
+        what = self.simulator or f"device '{self.device}'"
         outside = [r for r in self.recordings if not r.within]
         if not outside:
             count = len(self.recordings)
@@ -216,8 +216,8 @@ class Check(Shown):
             return f"{head}: {faults[0]}"
         if self.simulator and self.device_within:
             return (
-                f"{head}, but '{self.device}' still does: {self._suspect} has changed, not the"
-                " machine"
+                f"{head}, but device '{self.device}' still does: {self._suspect} has changed, not"
+                " the machine"
             )
         if not self.changed:
             return f"{head}: {NO_CHANGE.format('the errors')}"

@@ -130,8 +130,10 @@ class CommandsByName(click.Group):
 @click.command(
     cls=CommandsByName,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="A command overwrites its own earlier results unless they were edited, other files only"
-    " with --force, and its inputs never."
+    epilog="\b\nBegin with this line, in a clone of the repository:\n"
+    "  zwidth diagnose docs/sample/bench.csv\n\n"
+    "A command overwrites its own earlier results unless they were edited, other files only with"
+    " --force, and its inputs never."
     " Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C, 143 with SIGTERM.",
 )
 @click.version_option(package_name="zwidth", message="%(prog)s %(version)s")

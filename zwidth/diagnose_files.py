@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 import numpy as np
 
-from zwidth.console import Column, Console
+from zwidth.console import Column, Console, hanging
 from zwidth.diagnosis.answer.held_out import models_of
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
@@ -466,24 +466,10 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         console.say(fault.sentence)
     if where := whereabouts(found):
         console.say(where)
-    rows = [
-        [
-            effect_at(found, f.effect, f.at),
-            own_parameter(name),
-            estimate(value),
-            number(f.separation_sigma),
-        ]
-        for f in found.findings
-        for name, value in f.parameters.items()
-    ]
-    if rows:
-        columns = [
-            Column("effect", False),
-            Column("parameter", False),
-            Column("95 %"),
-            Column("sigma"),
-        ]
-        console.table("\nEffects found", columns, rows)
+    if found.findings:
+        console.say("\nEffects found, with 95 % intervals")
+        for line in found_lines(found):
+            console.say(line)
         for f in found.findings:
             if worth := worth_in_words(f):
                 console.say(f"{effect_at(found, f.effect, f.at)}: {worth}")
@@ -520,6 +506,20 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         console.table(f"\n{title}", _columns(*heads), rows)
     if found.next_level is not None:
         console.say(f"\n{found.next_level.sentence}")
+
+
+def found_lines(found: Diagnosis) -> list[str]:
+    """Each effect with its sigma, and below it a line for each of its parameters."""
+    wide = max((len(own_parameter(n)) for f in found.findings for n in f.parameters), default=0)
+    lines: list[str] = []
+    for f in found.findings:
+        sigma = f.separation_sigma
+        known = f" ({number(sigma)} sigma)" if math.isfinite(sigma) else ""
+        lines.append(f"{effect_at(found, f.effect, f.at)}{known}")
+        for name, value in f.parameters.items():
+            head = f"  {own_parameter(name).ljust(wide)}  "
+            lines.append(hanging(head, estimate(value)))
+    return lines
 
 
 def _columns(*heads: str) -> list[Column]:

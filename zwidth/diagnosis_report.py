@@ -60,10 +60,10 @@ if TYPE_CHECKING:
 WORDS = {
     "nothing_missing": "Nothing missing",
     "identified": "Identified",
-    "confusable": "Cannot be told apart",
+    "confusable": "Confusable: another explanation fits nearly as well",
     "unknown_physics": "Unknown physics",
-    "linear_parameters": "Linear parameters differ",
-    "recording_fault": "The recording is at fault",
+    "linear_parameters": "Linear parameters: only these differ",
+    "recording_fault": "Recording fault",
     "undecided": "Undecided",
 }
 NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b")

@@ -3,7 +3,7 @@
 import math
 
 from zwidth.diagnosis.answer.result import Diagnosis, NextExperiment, Verdict
-from zwidth.diagnosis.answer.words import an_effect, effect_in_words, place_in_words, the_effect
+from zwidth.diagnosis.answer.words import an_effect, place_in_words, the_effect, unsized
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import most, of_the_motion, percent, plain, with_unit
@@ -35,7 +35,7 @@ def title(found: Diagnosis) -> str:
     masses = found.device.chain.masses.size
     included = () if found.learned is None else found.learned.as_json()["absorbed"]
     names = [
-        f"{effect_in_words(f.effect)} {place_in_words(place_at(f.at), masses)}"
+        " ".join(filter(None, unsized(f.effect, f.at, masses)))
         for f in found.findings
         if f"{f.effect} at {f.at}" not in included
     ]
@@ -85,7 +85,8 @@ def _probable(found: Diagnosis, which: str) -> str:
         return ""
     alone = least.probability is None or most(least.probability) == most(chance)
     counted = "" if alone else f", counting richer forms of {which}"
-    return f"the probability is {most(chance)}{counted} ({most(VERDICT.sure)} is required); "
+    among = "the probability among all models tried"
+    return f"{among} is {most(chance)}{counted} ({most(VERDICT.sure)} is required); "
 
 
 def _explained(found: Diagnosis) -> str:
@@ -214,7 +215,9 @@ def what_now(found: Diagnosis, improved: str) -> list[str]:
         steps.append(found.next_level.sentence)
     if found.verdict is Verdict.UNKNOWN_PHYSICS:
         steps.append(
-            "look at where the missing force acts, below; docs/after_a_verdict.md lists what to try"
+            "look at where the missing force acts, below; check the unit and the channel of each"
+            " column; then search with --effort thorough, or add a mass to the device file, or the"
+            " physics that you suspect as an effect of your own"
         )
     planned = found.next_experiment is not None or found.next_level is not None
     return steps if planned else [*steps, *filter(None, [_record(found)])]

@@ -167,7 +167,7 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
     found = first_device(motions)
     step = _encoder_step(traces)
     device = Device(
-        f"{stem}, as fitted",
+        stem,
         f"fitted to {', '.join(name for name, _ in recordings)}: a start, for a diagnosis to refit",
         rotary,
         found.chain,
@@ -187,7 +187,7 @@ def _fitted_loop(
     """Return a fitted device whose command is a goal, and notes on the fit."""
     stem, loop = recordings[0][0], first_loop(motions)
     mass = Device(
-        f"{stem}, as fitted",
+        stem,
         f"fitted to {', '.join(name for name, _ in recordings)}: a start, for a diagnosis to refit",
         rotary,
         make_chain([1.0], [loop.damper]),

@@ -112,7 +112,7 @@ class Finding(Valued):
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:
-        """The rivals within five sigma that do not merely contain this effect."""
+        """Rivals within five sigma, without those that contain this effect."""
         own = self.effect, place_at(self.at)
         return tuple(
             r

@@ -36,7 +36,7 @@ class Reason(Enum):
     )
     MORE = "a learned law is needed in addition to the named effects"
     ONE_REGIME = "a named effect holds in one regime only"
-    DISTURBED = "random forces must explain too much beside the named effects"
+    DISTURBED = "large random forces are needed beside the named effects"
     UNJUDGED = "there are no held-out data to judge the named effects"
     ONE_LEVEL = "a command of one level does not distinguish the named effects from others"
     RIVALS = "other effects explain the recording equally well"

@@ -6,6 +6,7 @@ too long leaves out sizes, too. `why` gives the reason for the verdict.
 """
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -108,7 +109,7 @@ SAYINGS = {
     "quadratic_drag": "quadratic drag of {coefficient}",
     "constant_force": "a constant {level:force} of {level}",
     "ground_spring": "a spring of {stiffness} to the ground",
-    "gravity_pendulum": "pendulum gravity of {level}",
+    "gravity_pendulum": "a gravity pendulum of {level}",
     "force_ripple": "a ripple of {amplitude} every {period:alone}",
     "backlash": "play of {gap}",
     "cubic_stiffness": "a cubic part of {coefficient} in the spring",
@@ -135,6 +136,12 @@ SAYINGS = {
     "sensor_filter": "a second-order filter of {time_constant} ({time_constant:hertz})",
     "moving_average": "a moving average over {window}",
 }
+# The name of friction that acts in one direction only.
+ONE_WAY = {
+    "level_plus": "friction of {level_minus} backwards (none forwards)",
+    "level_minus": "friction of {level_plus} forwards (none backwards)",
+}
+ZERO = re.compile(r"0(\.0*)? ")  # how a value begins that is zero to the digits that are known
 # Effects whose phrase includes their place.
 PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit", "open_winding",
           "servo_dead_zone", "servo_integral", "goal_rate_limit", "dropped_samples")  # fmt: skip
@@ -203,26 +210,37 @@ def in_words(f: Finding, masses: int, intervals: bool = False) -> str:
     return " ".join(filter(None, _what_and_where(f, masses, intervals)))
 
 
+def unsized(effect: str, at: str, masses: int) -> tuple[str, str]:
+    """Return an effect without its size, and where it is, "" if its name says it: a sensor lag."""
+    where_ = "" if effect.startswith(at) else _where(effect, at, masses)
+    return an_effect(effect), where_
+
+
+def _where(effect: str, at: str, masses: int) -> str:
+    placed = effect in PLACED or (effect == "ground_spring" and masses == 1)
+    return "" if placed else place_in_words(place_at(at), masses)
+
+
 def _what_and_where(
     f: Finding, masses: int, intervals: bool = False, sized: bool = True
 ) -> tuple[str, str]:
     """Return what was found, with its size if wanted, and where, "" where the first says it."""
-    placed = f.effect in PLACED or (f.effect == "ground_spring" and masses == 1)
-    where_ = "" if placed else place_in_words(place_at(f.at), masses)
     if f.parameters and not sized:
-        return an_effect(f.effect), "" if f.effect.startswith(f.at) else where_  # sensor lag
+        return unsized(f.effect, f.at, masses)
     values: dict[str, object] = {name: _Said(e, intervals) for name, e in f.parameters.items()}
     if {"stiffness", "mass"} <= f.parameters.keys():
         stiffness, mass = (f.parameters[name].value for name in ("stiffness", "mass"))
         still = not stiffness > 0.0 < mass
         values["hertz"] = 0.0 if still else math.sqrt(stiffness / mass) / (2.0 * math.pi)
+    none = [n for n in ONE_WAY if n in f.parameters and ZERO.match(short(f.parameters[n]))]
     try:
-        what = SAYINGS[f.effect].format_map(values)
+        saying = ONE_WAY[none[0]] if len(none) == 1 and not intervals else SAYINGS[f.effect]
+        what = saying.format_map(values)
     except KeyError:  # an effect without a phrase, or that lost a value to an error
         value = f.parameters.get(EFFECTS[f.effect].strength or "")
         size = "" if value is None else f" of {said(value) if intervals else short(value)}"
         what = effect_in_words(f.effect) + size
-    return what, where_
+    return what, _where(f.effect, f.at, masses)
 
 
 def listed(words: Sequence[str], last: str = "and", first: int = LISTED) -> str:
@@ -489,8 +507,8 @@ def why(f: Facts) -> str:
             told = _one_regime(f)
         case Reason.DISTURBED:
             told = (
-                f"{error} ({percent(free.refit)} without the named effects), which only random"
-                " disturbances would explain"
+                "beside the named effects, only large random forces could explain the error of free"
+                " runs on held-out data"
             )
         case Reason.UNJUDGED:
             told = (

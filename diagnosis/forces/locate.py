@@ -141,8 +141,8 @@ def _state(problem: Problem, white: Floats, moved: Sequence[tuple[Floats, Floats
     reversal, quick, large = (np.concatenate(x) for x in (near, fast, strong))
     groups = {
         f"within {1e3 * NEAR_REVERSAL_S:.0f} ms of a velocity reversal": reversal,
-        "fastest fifth": quick & ~reversal,
-        "largest fifth of the command": large & ~quick & ~reversal,
+        "where the motion is fastest": quick & ~reversal,
+        "where the command is largest": large & ~quick & ~reversal,
     }
     rest = ~np.any(list(groups.values()), axis=0)
     groups["elsewhere"] = rest
@@ -232,10 +232,9 @@ def densest(state: Sequence[Share]) -> str:
         return ""
     most = max(told, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))
     name, share, time = str(most["name"]), float(most["share"]), float(most["time_share"])
-    name = name if name.startswith("within") else f"in the {name}"
     return (
-        f"{100.0 * share:.0f} % of the prediction error of the refitted device lies {name}, which"
-        f" is {100.0 * time:.0f} % of the time; "
+        f"{100.0 * share:.0f} % of the prediction error of the refitted device lies {name}"
+        f" ({100.0 * time:.0f} % of the time); "
     )
 
 

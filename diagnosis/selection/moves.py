@@ -318,7 +318,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
                 each.append([*starts, *_as_strong(starts, fitted[i])])
-            yield _among(h, model, x, list(product(*each)))
+            yield replace(_among(h, model, x, list(product(*each))), akin=True)
 
 
 def _moves_all(effect: Effect) -> bool:

@@ -314,6 +314,7 @@ def _grown(found: Search) -> None:
             beam = [found.best]
             continue
         if not accepted:
+            found.say("no further effect accepted")
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"accepted: {found.best.model.label}")
@@ -441,10 +442,15 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
         if not new:
             found.clear = found.clear and asked is not moves.glancing
             continue
-        found.say(f"best of {len(proposals)} tried: {new[0].model.label}")
+        count = f"{len(proposals)} candidate{'s' if len(proposals) > 1 else ''} tried"
+        found.say(f"{count}; largest improvement: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
+        if accepted and accepted[0] is not new[0]:
+            found.say("this improvement is not significant; another one is")
         if len(accepted) > 1 and found.slower is not None:
-            accepted = found.slower.first(accepted)
+            first, accepted = accepted[0], found.slower.first(accepted)
+            if accepted[0] is not first:
+                found.say(f"better over a longer horizon: {accepted[0].model.label}")
         if accepted and found.best.has_valleys:
             accepted = _ahead_from_there(found, accepted)
         if not accepted and asked in (moves.adding, moves.near):
@@ -699,7 +705,8 @@ def _to_their_end(
     found: Search, order: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]
 ) -> list[Hypothesis]:
     """Fit the most likely hypotheses to the end, the next ones if none ends at physical values."""
-    near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
+    near = [h for h in order if h.labels in akin or _comes_near(found, h)]
+    finished: list[Hypothesis] = []
     if order and not near:  # a far rival is reported without a fit
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
     while near and not finished:

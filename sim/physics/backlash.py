@@ -1,25 +1,15 @@
 """Free play in a link: within the gap it carries no force, beyond it the link's own k and c.
 
-gap: the whole free play, +-a with a = gap / 2. The link is a spring and damper in series with a pin
-that may move within +-a (z, the internal state); with q the relative position, s = q - z is what
-the link is deformed by, and it carries T = k s + c s':
+gap: the whole play, from one side to the other. The link is a spring and a damper in series with a
+pin that is free to move within the gap. With q the deflection of the link, z the place of the pin,
+s = q - z and a = gap / 2, the link's force is T = k s + c s':
 
-    pin against the upper side, z = a:  T = max(0, k (q - a) + c q')    (it pushes, never pulls)
-    pin free:                           T = 0, so s' = -(k / c) s: the link springs back
-    pin against the lower side:         mirrored
+    pin at the upper side, z = a:  T = max(0, k (q - a) + c q')    (it pushes, never pulls)
+    pin free:                      T = 0, so s' = -(k / c) s: the link springs back
+    pin at the lower side:         mirrored
 
-c <= 0 is a link without memory, z = q within +-a.
-
-Between its events a link is linear, and a substep exact: while it pushes on a side the propagator
-holds the whole of it, k q + c q', and this effect gives back the constant k a; while it carries
-nothing the propagator is that of the chain without it (`sim/kernel.py`), and the pin is at
-
-    z(t) = q(t) - s_0 exp(-k t / c).
-
-Inside a substep it lets go where T falls through zero, and hits a side where z does (`taken_over`),
-which leaves an error of third order. In the energy ledger, the amount that is booked for the link's
-spring while the link carries nothing is booked for this effect. Other effects in the same link act
-beside it, between its two masses.
+Without a damper the link springs back at once. Other effects in the same link act directly between
+its two masses, also within the gap.
 """
 
 import math
@@ -104,6 +94,19 @@ backlash = Effect(
     odds=3.0,
     at_share=_at_share,
 )
+
+
+# Between its events a link is linear, and a substep exact: while it pushes on a side the propagator
+# holds the whole of it, k q + c q', and this effect gives back the constant k a; while it carries
+# nothing the propagator is that of the chain without it (`sim/kernel.py`), and the pin z, which is
+# the internal state, is at
+#
+#     z(t) = q(t) - s_0 exp(-k t / c);
+#
+# c <= 0 is a link without memory, z = q within +-a. Inside a substep it lets go where T falls
+# through zero, and hits a side where z does (`taken_over`), which leaves an error of third order.
+# In the energy ledger, the amount that is booked for the link's spring while the link carries
+# nothing is booked for this effect.
 
 
 @part

@@ -33,7 +33,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 command_step = Effect(
     name="command_step",
-    summary="the command is converted in steps",
+    summary="the command is rounded to steps",
     formula="force = step round(u / step)",
     places=("command",),
     parameters=(

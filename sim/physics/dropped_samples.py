@@ -41,7 +41,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 
 dropped_samples = Effect(
     name="dropped_samples",
-    summary="commands that are lost, seldom and at random",
+    summary="some commands are lost at random",
     formula="force of a tick = that of the tick before, with probability rate",
     places=("clock",),
     parameters=(

@@ -1,7 +1,7 @@
 """The encoder's disk runs off centre: it reads q + amplitude sin(2 pi q / period + phase).
 
-amplitude: eccentricity over the disk's radius (in rad on a rotary device); period: what one turn of
-the disk is of m1's position.
+amplitude: eccentricity over the disk's radius (in rad on a rotary device); period: the travel
+of m1 during one turn of the disk.
 """
 
 import math
@@ -78,7 +78,7 @@ def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float)
 
 encoder_eccentricity = Effect(
     name="encoder_eccentricity",
-    summary="the reading errs periodically in position",
+    summary="the error of the reading repeats with position",
     formula="reading = q + amplitude sin(2 pi q / period + phase)",
     places=("sensor",),
     parameters=(
@@ -100,7 +100,7 @@ encoder_eccentricity = Effect(
             1e6,
             None,
             most=LONGEST,
-            meaning="length of a wave in the position",
+            meaning="travel of m1 during one turn of the disk",
         ),
         Parameter(
             "phase",

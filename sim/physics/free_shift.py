@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 
 free_shift = Effect(
     name="free_shift",
-    summary="a force over one state, which another shifts along it, as two tables",
+    summary="a force that depends on one state and is shifted by another; two tables",
     formula="f = f(a + g(b)), smooth curves through the points of both tables",
     places=(*MASSES, *LINKS),
     parameters=two_tables_parameters("g"),

@@ -49,7 +49,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 goal_rate_limit = Effect(
     name="goal_rate_limit",
-    summary="a servo whose goal goes no faster than a speed of its own",
+    summary="a largest speed at which a servo moves its own goal",
     formula="|goal'| <= rate,  goal: what the loop closes on",
     places=("command",),
     parameters=(

@@ -4,19 +4,12 @@ With z the force over its ultimate value (level),
 
     f = -level z,    dz/dq = (stiffness / level) (1 - |z|^shape (1 + sign(z dq)) / 2).
 
-stiffness: slope at z = 0 and wherever it unloads; shape: how sharply it yields (1 gently, infinity
-elastic and ideally plastic). beta = gamma of the general law, so that it unloads straight: with
-that it dissipates on every path (Ikhouane & Rodellar, Systems with Hysteresis, Wiley 2007).
+stiffness: slope at z = 0 and wherever the spring unloads; shape: how sharply it yields (1 gently;
+a large number makes it elastic and then ideally plastic). The general law has two more numbers,
+beta and gamma. Here they are equal: the spring unloads along a straight line, and dissipates energy
+on every path (Ikhouane & Rodellar, Systems with Hysteresis, Wiley 2007).
 
-z depends on the path alone. With x the way in units of level / stiffness: unloading, z moves by x,
-exact. Loading, in y = artanh z,
-
-    dy/dx = r(z) = (1 - z^shape) / (1 - z^2),    r between 1/2 and shape / 2 or 1,
-
-a rate that nowhere is stiff: the midpoint rule in y is second order, exact for shape = 2, and keeps
-z < 1 for any step. tanh(y + d) = (z + t) / (1 + z t), t = tanh d, saves the artanh. As a force it
-is held over the substep at the mean of both ends: second order, stable for
-h < 2 sqrt(m / stiffness).
+Limits: a substep must be shorter than 2 sqrt(m / stiffness).
 """
 
 from collections.abc import Iterator
@@ -115,6 +108,17 @@ hysteresis = Effect(
     drawn=_drawn,
     odds=1.0,
 )
+
+
+# z depends on the path alone. Let x be the way in units of level / stiffness. Unloading, z moves by
+# x, exactly. Loading, in y = artanh z,
+#
+#     dy/dx = r(z) = (1 - z^shape) / (1 - z^2),    r between 1/2 and the larger of 1 and shape / 2.
+#
+# This rate is never stiff: the midpoint rule in y is second order, exact for shape = 2, and keeps
+# z < 1 for any step. tanh(y + d) = (z + t) / (1 + z t) with t = tanh d avoids the artanh. The force
+# is held over the substep at the mean of both ends: second order, stable for
+# h < 2 sqrt(m / stiffness).
 
 
 @part

@@ -23,7 +23,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 
 loop_delay = Effect(
     name="loop_delay",
-    summary="time from encoder reading to command taking effect",
+    summary="time from the encoder reading until the command acts",
     formula="force(t) = u(t - delay)",
     places=("clock",),
     parameters=(

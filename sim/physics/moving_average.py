@@ -42,7 +42,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 
 moving_average = Effect(
     name="moving_average",
-    summary="what is read is the mean over a window before",
+    summary="each reading is the mean over the window before it",
     formula="reading(t) = mean of q from t - window to t",
     places=("sensor", "velocity"),
     parameters=(

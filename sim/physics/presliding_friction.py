@@ -4,17 +4,12 @@ With z the force over its level,
 
     dz/dq = (stiffness / level) (1 - z sign(dq)),    f = -level z.
 
-This is LuGre (Canudas de Wit et al., IEEE T. Automatic Control 40(3), 1995) without the two terms
-that a level and a stiffness cannot carry, its micro-damping and its Stribeck curve: the same
-presliding spring, the same steady sliding. z depends on the path alone, and along a path of one
-direction
+This is the LuGre model (Canudas de Wit et al., IEEE T. Automatic Control 40(3), 1995) without
+micro-damping and without a Stribeck curve: the spring before slipping and the steady sliding are
+the same.
 
-    z_1 = s + (z_0 - s) exp(-stiffness |q_1 - q_0| / level),    s = sign(q_1 - q_0),
-
-exactly: |z| <= 1 for any step. A path that turns is cut at its turning point. As a force it is held
-over the substep at the mean of both ends: second order, stable for h < 2 sqrt(m / stiffness) and
-below that far from it. Like every such model it creeps under a load that trembles; what must stick
-for good is `coulomb_friction`.
+Limits: under a load that vibrates, a mass creeps, as with every model of this kind; with
+`coulomb_friction` it stays where it is. A substep must be shorter than 2 sqrt(m / stiffness).
 """
 
 from collections.abc import Iterator
@@ -93,6 +88,15 @@ presliding_friction = Effect(
     odds=1.5,
     at_share=_at_share,
 )
+
+
+# z depends on the path alone. Along a path of one direction, exactly,
+#
+#     z_1 = s + (z_0 - s) exp(-stiffness |q_1 - q_0| / level),    s = sign(q_1 - q_0),
+#
+# so that |z| <= 1 for any step. A path that turns is cut at its turning point. The force is held
+# over the substep at the mean of both ends: second order, stable for h < 2 sqrt(m / stiffness), and
+# accurate for h far below that.
 
 
 @part

@@ -48,7 +48,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 rate_limit = Effect(
     name="rate_limit",
-    summary="a command that changes no faster than so much a second",
+    summary="a largest rate of change of the command",
     formula="|force'| <= rate",
     places=("command",),
     parameters=(

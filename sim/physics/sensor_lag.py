@@ -34,7 +34,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 
 sensor_lag = Effect(
     name="sensor_lag",
-    summary="first-order lag of what is read behind the motion",
+    summary="first-order lag of the reading behind the motion",
     formula="time_constant s' = q - s,  s: the reading",
     places=("sensor", "velocity"),
     parameters=(

@@ -3,11 +3,10 @@
     g(v) = level + (static_level - level) exp(-(v / velocity)^2),    |f| <= g(0) at rest,
     f = -g(v) sign(v) in motion.
 
-g is continuous at v = 0, so breaking away needs no jump. Over a substep the bound is the mean of g
-at its start and at its predicted end (second order while sliding); sticking and stopping are those
-of `coulomb_friction`. g falls steepest at v = velocity / sqrt(2), by 0.86 (static_level - level) /
-velocity: the substep must be short against the time m velocity / (static_level - level) in which
-the mass runs away there.
+The friction is continuous at v = 0: a mass that breaks away starts without a jump of the force.
+
+Limits: a substep must be short against m velocity / (static_level - level), the time in which the
+falling friction lets a mass run away.
 """
 
 from collections.abc import Iterator
@@ -117,6 +116,11 @@ stribeck_friction = Effect(
     forbidden=_forbidden,
     odds=2.0,
 )
+
+
+# Over a substep the bound is the mean of g at its start and at its predicted end (second order
+# while sliding); sticking and stopping are those of `coulomb_friction`. g falls steepest at
+# v = velocity / sqrt(2), by 0.86 (static_level - level) / velocity.
 
 
 @part

@@ -25,8 +25,8 @@ def diagnose_joints(
 ) -> JointAnswers:
     """Say for each joint of a recording what physics its simulation lacks, as `diagnose` for one.
 
-    recording: the path of a file with several joints, as of a robot, or a table: a data frame, a
-    dict of arrays (samples,), an array (samples, signals). Joints that stand still are left out.
+    recording: the path of a file with several joints, such as a robot's; or a table: a data frame,
+    a dict of arrays (samples,), an array (samples, signals). Joints that stand still are left out.
     device: of every joint, if they are alike. Without it each has its own, fitted. effort, say: see
     `diagnose`; without say, a notebook shows one line for each joint.
 

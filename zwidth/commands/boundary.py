@@ -70,10 +70,10 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
               help="Loop delays, one boundary each. Default: the device's own delay.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
-              metavar="B ...", help="Virtual dampings in rising order. Default, if B_max is the"
-              " largest B with a stable wall: 41 values from 0 to 1.2 B_max, and 0.999 B_max; the B"
-              " of the stiffest wall; with --criterion passivity, also that of the stiffest passive"
-              " wall; and each B at which the paper measured this device.")  # fmt: skip
+              metavar="B ...", help="Virtual dampings in rising order. Default: 41 values from 0"
+              " to 1.2 times the largest B with a stable wall. Added to these are 0.999 times that"
+              " B, the B of the stiffest wall (with --criterion passivity also of the stiffest"
+              " passive wall), and each B at which the paper measured this device.")  # fmt: skip
 @click.option("--start", cls=Quantities, type=Quantity("rad | m", above=True), metavar="A ...",
               help="Start amplitudes; a wall counts as stable if it is stable from each of them."
               " Default: 0.001; for a device that is not linear also 0.0001.")  # fmt: skip

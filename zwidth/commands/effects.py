@@ -25,7 +25,6 @@ from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.own import IDENTIFIER, OWN
 
 NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
-INTERNAL = ("`sim/kernel.py`", "`taken_over`", "energy ledger")
 SOURCE = re.compile(r" \(`sim/\w+\.py`\)")
 LETTERS = (
     "in it, q is the position (of a link: its deflection), v the velocity, u the command and f"
@@ -72,11 +71,12 @@ def command(
     if name not in EFFECTS:
         raise ValueError(f"there is no effect {name!r}; {unknown_effect(name)}")
     effect = EFFECTS[name]
+    wrapped = _narrow if console.stream.isatty() else str
     console.say(f"{effect.name}: {effect.summary}\n")
     if effect.formula:
-        console.say(f"{indent(formula(effect), '    ')}\n\n{LETTERS}\n")
+        console.say(f"{wrapped(indent(formula(effect), '    '))}\n\n{LETTERS}\n")
     joined = re.sub(r"(?<=\S)\n(?=\S)", " ", law(effect))  # a terminal wraps it anew
-    console.say(f"{_narrow(joined) if console.stream.isatty() else joined}\n")
+    console.say(f"{wrapped(joined)}\n")
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
         columns += [Column("to"), Column("what it is", False)]
@@ -182,23 +182,11 @@ def law(effect: Effect) -> str:
 
 
 def _for_users(text: str) -> str:
-    """Leave out of a file's text what only concerns its code: sentences about the kernel.
-
-    A formula that such a sentence announces goes with it, and so does a file named in brackets.
-    """
+    """Leave out the names of files in brackets."""
     kept: list[str] = []
-    announced = False
     for paragraph in text.split("\n\n"):
-        if paragraph.startswith(" "):
-            kept += [] if announced else [paragraph]
-            announced = False
-            continue
-        sentences = re.split(r"(?<=[.])\s(?=[A-Z])", paragraph)
-        plain = [s for s in sentences if not any(word in s for word in INTERNAL)]
-        announced = plain != sentences and not paragraph.rstrip().endswith((".", ":"))
-        said = SOURCE.sub("", " ".join(plain))
-        if plain:
-            kept.append(said if said == paragraph else fill(said, 100, break_on_hyphens=False))
+        said = paragraph if paragraph.startswith(" ") else SOURCE.sub("", paragraph)
+        kept.append(said if said == paragraph else fill(said, 100, break_on_hyphens=False))
     return "\n\n".join(kept)
 
 

@@ -29,6 +29,7 @@ from zwidth.options import Quantity, device_argument, force_option, json_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 
+NAMES = {"isaaclab": "Isaac Lab", "newton": "Newton"}
 FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf", "isaaclab", "newton", "bam")
 
 
@@ -108,7 +109,8 @@ def command(
     for sentence in made.lost:
         console.say(sentence)
     if not made.lost:
-        console.say(f"{to} describes {given.name} completely")
+        what = "The C code" if to == "c" else f"The {NAMES.get(to, to.upper())} file"
+        console.say(f"{what} contains everything of {given.name}")
     console.say(cost.said)
     console.say(f"wrote {written}")
     if randomise is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from zwidth.console import Advance, Column, Console, progress
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.words import own_parameter
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import picture_files, save_figure
@@ -70,10 +71,10 @@ def command(
 
     DEVICE is a shipped device or a device file.
 
-    First, for each effect, the smallest magnitude that the recording would detect: five sigma
-    after a refit of the device's parameters. Then, the pairs of effects that the recording could
-    not tell apart, and an excitation that can. Writes a picture, and each excitation as a scenario
-    that 'zwidth simulate' or a rig can play.
+    Shows for each effect the smallest magnitude that the recording would reveal, at five sigma
+    after a refit of the device's parameters. Then lists the pairs of effects that the recording
+    could not tell apart, and an excitation that can. Writes a picture, and each excitation as a
+    scenario that 'zwidth simulate' or a rig can play.
     """
     console = Console(json_file)
     device = load_device(name)
@@ -161,7 +162,7 @@ def _say_experiment(console: Console, device: Device, scale: Scale, noise: Noise
 
 
 def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
-    columns = [Column("effect", False), Column("magnitude", False)]
+    columns = [Column("effect", False), Column("parameter", False)]
     columns += [Column(p.excitation) for p in plans]
     rows: list[list[str]] = []
     for every in zip(*(p.visible for p in plans), strict=True):
@@ -169,25 +170,25 @@ def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
         numbers = [
             "never" if v.magnitude is None else with_unit(v.magnitude, v.unit, 3) for v in every
         ]
-        rows.append([named(first.label), first.measure, *numbers])
-    console.table(f"\nSmallest magnitude that shows ({SHOWN:g} sigma)", columns, rows)
+        rows.append([named(first.label), own_parameter(first.measure), *numbers])
+    console.table(f"\nSmallest visible magnitude ({SHOWN:g} sigma)", columns, rows)
 
 
 def _say_pairs(console: Console, found: Plan) -> None:
     if not found.confusable:
         console.say(
-            f"\n{found.excitation}: the {len(found.labels)} effects that it detects can be told"
+            f"\n{found.excitation}: the {len(found.labels)} effects that it reveals can be told"
             f" apart at {ALIKE:g} times these magnitudes"
         )
         return
     columns = [Column("effect", False), Column("looks like", False), Column("sigma")]
-    columns += [Column("told apart by", False), Column("sigma")]
+    columns += [Column("told apart by --excitation", False), Column("sigma")]
     rows = [
         [
             named(pair.effect),
             named(pair.rival),
             f"{pair.separation_sigma:.1f}",
-            pair.better or "no excitation tried",
+            pair.better or "none that was tried",
             "" if pair.better_sigma is None else f"{pair.better_sigma:.1f}",
         ]
         for pair in found.confusable

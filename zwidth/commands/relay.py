@@ -112,12 +112,13 @@ def _tell(console: Console, devices: Sequence[Device], found: Sequence[RelayCond
     force, length = ("N m", "rad") if devices[0].rotary else ("N", "m")
     columns = [
         Column("delay [ms]"), Column(f"B [{force} s/{length}]"), Column("verdict", False),
-        Column("of the starts"), Column(f"K [{force}/{length}]"), Column("f [Hz]"),
-        Column("K linear"), Column("off"), Column("other cycles: K (share)", False),
+        Column("share of starts"), Column(f"K [{force}/{length}]"), Column("f [Hz]"),
+        Column("K linear"), Column("difference from linear"),
+        Column("other cycles: K (share)", False),
         Column("diverge"), Column("K of the reference start"),
     ]  # fmt: skip
     rows = [_row(device, condition) for device, condition in zip(devices, found, strict=True)]
-    console.table(f"{devices[0].name}: relay, the likeliest cycle", columns, rows)
+    console.table(f"{devices[0].name}: relay, most frequent cycle", columns, rows)
 
 
 def _row(device: Device, condition: RelayCondition) -> list[str]:

@@ -79,7 +79,7 @@ def command(
     """Diagnose a log while it is being written.
 
     FILE is a text table or an MCAP log that another program is writing, or a recording TOML that
-    describes one. With -, standard input is read, and kept as OUT/stdin.csv or .mcap.
+    describes one. With -, standard input is read, and kept as DIR/stdin.csv or .mcap.
 
     While data come in, it reports faults of the recording, a quick fit every few seconds (does the
     physics found so far explain the latest samples?), and the result of a new search each time the

@@ -19,7 +19,7 @@ from zwidth.explore.sliders import Sliders
 from zwidth.explore.view import LAYERS, Span, View
 from zwidth.stability.fate_map import units_of
 
-LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
+LAYER_NAMES = {"fate": "Outcome", "amplitude": "Amplitude", "frequency": "Frequency"}
 OF_SLIDERS = ("delay", "encoder_step", "command_limit", "friction", "start")
 LONG_LABELS = ".bk-btn { white-space: normal; padding: 4px 8px; }"
 DROP = "input { border: 1px dashed #777; padding: 6px; width: 100%; }"

@@ -6,7 +6,10 @@ from zwidth.stability.fate_map import FateMap
 
 
 class Drawn(NamedTuple):
-    """A map as far as it was computed after so many seconds, for the page's n-th request of one."""
+    """The state of a map while it is computed.
+
+    request: number of the page's request that asked for it; seconds: computed for so long.
+    """
 
     request: int
     result: FateMap

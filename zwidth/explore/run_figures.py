@@ -31,10 +31,11 @@ Drawn = dict[str, Floats]
 RUN, BESIDE, RECORDED = "run", "beside", "recorded"
 LOOKS = {RECORDED: (MEASURED, "solid"), BESIDE: (BEFORE, "dashed"), RUN: (AFTER, "solid")}
 WIDTHS = {RECORDED: UNDER, BESIDE: 1.3, RUN: 1.3}
-ENERGIES = {
-    "stored": (AFTER, "stored"), "motor": (COLOURS[5], "from the motor"),
-    "spent": ("#777777", "dissipated"),
+ENERGIES = {  # colour, label, dashes; the last lies on top
+    "stored": (AFTER, "stored", "solid"), "spent": ("#777777", "dissipated", "solid"),
+    "motor": (COLOURS[5], "from the motor", "dashed"),
 }  # fmt: skip
+LOOK = ("color", "legend_label", "line_dash")
 HEIGHTS = {"position": 5, "command": 5, "contact": 2, "energy": 6}  # shares of the page's
 QUANTITIES = {"position": ("position",), "velocity": ("velocity",), "command": ("command",),
               "contact": ("contact",), "energy": tuple(ENERGIES)}  # fmt: skip
@@ -90,17 +91,12 @@ class RunFigures:
         for which, (colour, dash) in LOOKS.items():
             several = name == "energy" and which == RUN
             for line in ENERGIES if several else QUANTITIES[name][:1]:
-                look: dict[str, Any] = {"color": colour}
+                look: dict[str, Any] = {"color": colour, "line_dash": dash}
                 if several:
-                    look = {"color": ENERGIES[line][0], "legend_label": ENERGIES[line][1]}
+                    look = dict(zip(LOOK, ENERGIES[line], strict=True))
                 drawn.line(
-                    "t",
-                    line,
-                    source=self.time[which],
-                    line_dash=dash,
-                    line_width=WIDTHS[which],
-                    **look,
-                )
+                    "t", line, source=self.time[which], line_width=WIDTHS[which], **look
+                )  # fmt: skip
         return drawn
 
     def _explain_time(self) -> None:

@@ -42,9 +42,9 @@ def steps(bench: Bench) -> tuple[Step, ...]:
              " theory calls walls stable. The run beside it shows whether it comes to rest."),
         Step("beyond it", beyond, "The same damping with a stiffness beyond the black line. The run"
              " grows, near the frequency of linear theory (dashed in the spectrum)."),
-        Step("a coarse encoder", coarse, "The first wall again, with an encoder step of a tenth of"
-             " the start. Compare the colours below the black line with those of the first step:"
-             " linear theory does not include the step."),
+        Step("a coarse encoder", coarse, "The first wall again, now with an encoder step that is a"
+             " tenth of the start amplitude. Compare the colours below the black line with those of"
+             " the first step: linear theory does not include the step."),
     )  # fmt: skip
 
 

@@ -115,7 +115,7 @@ def of_the_recording(beyond: float) -> str:
     """Return what a recording is called; beyond: times as far as the run that it moves, or 0."""
     if not beyond:
         return "recording"
-    return f"recording (moves {plain(beyond, 2)} times as far)"
+    return f"recording ({plain(beyond, 2)} times larger)"
 
 
 def _held_still(result: FateMap) -> str:

@@ -1,6 +1,7 @@
 """Pictures of a diagnosis: the missing force against the state, the residual before and after."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.forces.locate import Located
+from zwidth.diagnosis.forces.locate import ForceMap, Located
 from zwidth.figures.style import (
     AFTER,
     BEFORE,
@@ -33,6 +34,8 @@ SLICES = 60
 COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
+WIDER = 2.0  # times as high a panel becomes at most, if it then contains every line
+CUT, HIDDEN = ", cut off", ", not shown below"  # after the label of a line
 EDGE = 0.12  # of the width of a panel beside another, where no label of time stands
 LETTERS = 18  # of all labels of time of such a panel; more would touch
 WIDE = 20.0  # from the smallest to the largest residual, from which their axis is logarithmic
@@ -77,17 +80,19 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
             axes.set_xlabel(f"{m.against} [{unit}]")
-            axes.set_title(f"against {m.against}: {_explains(m.gained, top.gained)}", fontsize=9)
+            axes.set_title(_explains(m.gained, top), fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {pushed_by} at {top.place} [{pushed}]")
     return figure
 
 
-def _explains(gained: float, most: float) -> str:
-    """How much of the error is explained by a force over this state, beside the best of them."""
-    share = max(gained, 0.0) / most if most > 0.0 else 1.0
-    return "explains most" if share >= 1.0 else f"explains {percent(share)} as much"
+def _explains(gained: float, top: ForceMap) -> str:
+    """How much of the error is explained by a force over a state, beside the best of them."""
+    share = max(gained, 0.0) / top.gained if top.gained > 0.0 else 1.0
+    if share >= 1.0:
+        return "explains most"
+    return f"explains {percent(share)} of what {top.against} explains"
 
 
 def _within(figure: Figure, *, bottom: float = 0.5, top: float = 0.3, **gaps: float) -> None:
@@ -122,9 +127,9 @@ def run_lines(named: bool, run: WholeRun) -> dict[str, tuple[str, str, str]]:
 def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     """Return what was measured beside free runs before and after, errors below, in fitting units.
 
-    named: whether anything was found; else before is the device file, and after the refit. Runs
-    that leave the picture are cut where they leave it. Where the motion is too quick for the width
-    of a page, its quickest stretch stands beside it.
+    named: whether anything was found; else before is the device file, and after the refit. A run
+    that goes far beyond the motion is cut off, and its label says so. Where the motion is too quick
+    for the width of a page, its quickest stretch stands beside it.
     """
     t = run.begins + run.period * np.arange(run.measured.size, dtype=np.float64)
     middle = float(run.measured.mean())
@@ -146,11 +151,12 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
                 _ticks_inside(column[1])
         motion, error = panels[:, 0]
         reach = ROOM * swing
-        motion.set_ylim(factor * (middle - reach), factor * (middle + reach))
         errors = [run.errors[name] for name in words if name != "before" or not named]
         finite = [e for e in errors if np.isfinite(e)]
         most = min(reach, 4.0 * max(finite, default=reach)) or 1.0
-        error.set_ylim(-factor * most, factor * most)
+        cut = _set_height(motion, factor * middle, factor * reach)
+        cut += _set_height(error, 0.0, factor * most)
+        _add(CUT, motion, cut)
         quantity, at = run.output.split("_")
         what = f"{quantity} of {at}"
         motion.set_ylabel(f"|{what}| [{unit}]" if run.folded else f"{what} [{unit}]")
@@ -159,18 +165,16 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
             axes.set_xlabel("time [s]")
         held = _ground(figure, run.held_out)
         headed(figure, f"{run.recording}, simulated without correction; {held}")
-        handles, labels = motion.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=2)
-        rows = -(-len(labels) // 2)
-        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
+        _within(figure, bottom=_legend(figure, motion), top=0.32, hspace=0.08, wspace=0.06)
     return figure
 
 
 def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     """Return the force that acts beside those that the recorded motion needs, differences below.
 
-    named: whether anything was found; else before is the device file, and after the refit. Models
-    that need far more than was commanded are cut where they leave the picture.
+    named: whether anything was found; else before is the device file, and after the refit. A model
+    that needs far more than was commanded is cut off, and one whose difference is far larger than
+    the others' is not drawn below; the label says so.
     """
     commanded = forces.acting["before"]
     t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
@@ -183,6 +187,9 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         force.plot(
             *envelope(t, factor * commanded), color=MEASURED, linewidth=UNDER, label="commanded"
         )
+        least = min(forces.errors.values())
+        most = 4.0 * min(least, 0.25 * reach)
+        hidden: list[str] = []
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
             lacking = factor * forces.lacking[name]
             size = forces.errors[name]
@@ -191,12 +198,15 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
             style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
             acting = factor * forces.acting[name]
             force.plot(*envelope(t, acting + lacking), label=said, **style)
-            lacks.plot(*envelope(t, lacking), **style)
+            if max(most, least) < size:
+                hidden.append(colour)
+            else:
+                lacks.plot(*envelope(t, lacking), **style)
         lacks.axhline(0.0, color="0.6", linewidth=0.8)
-        force.set_ylim(-factor * reach, factor * reach)
-        most = 4.0 * min(min(forces.errors.values()), 0.25 * reach)
+        _add(CUT, force, _set_height(force, 0.0, factor * reach))
+        _add(HIDDEN, force, hidden)
         if 0.0 < most < math.inf:
-            lacks.set_ylim(-factor * most, factor * most)
+            _set_height(lacks, 0.0, factor * most)
         force.set_ylabel(f"{what} at m1 [{unit}]")
         lacks.set_ylabel(f"missing [{unit}]")
         lacks.set_xlabel("time [s]")
@@ -207,11 +217,40 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
             f"{forces.recording}, the {what} that its motion needs; {held}; below"
             f" {forces.band:.3g} Hz",
         )
-        handles, labels = force.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="lower center", ncols=2)
-        rows = -(-len(labels) // 2)
-        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
+        _within(figure, bottom=_legend(figure, force), top=0.32, hspace=0.08, wspace=0.06)
     return figure
+
+
+def _set_height(axes: Axes, middle: float, usual: float) -> list[Any]:
+    """Set the height of a panel; returns the colours of the lines that it cuts off.
+
+    usual: half the height, which becomes up to `WIDER` times as large if that contains every line.
+    """
+    away = [
+        (line, float(np.abs(np.asarray(line.get_ydata()) - middle).max())) for line in axes.lines
+    ]
+    farthest = 1.05 * max(far for _, far in away)
+    reach = farthest if usual < farthest <= WIDER * usual else usual
+    axes.set_ylim(middle - reach, middle + reach)
+    return [line.get_color() for line, far in away if not far <= reach]
+
+
+def _add(words: str, axes: Axes, colours: Sequence[Any]) -> None:
+    """Add words to the label of each line of these colours."""
+    for line in axes.lines:
+        if line.get_color() in colours:
+            line.set_label(f"{line.get_label()}{words}")
+
+
+def _legend(figure: Figure, axes: Axes) -> float:
+    """Add the legend of a panel below the figure; returns the margin that it needs [in]."""
+    handles, labels = axes.get_legend_handles_labels()
+    columns = 1 if any(label.endswith((CUT, HIDDEN)) for label in labels) else 2
+    rows = -(-len(labels) // columns)
+    wide, high = figure.get_size_inches()
+    figure.set_size_inches(wide, high + 0.19 * max(0, rows - 2))
+    figure.legend(handles, labels, loc="lower center", ncols=columns)
+    return 0.55 + 0.19 * rows
 
 
 def _ground(figure: Figure, held_out: bool) -> str:

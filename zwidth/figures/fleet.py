@@ -129,6 +129,7 @@ def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
 def _title(fleet: Fleet, name: str) -> str:
     s = fleet.spreads[name]
     levels = [word for has, word in ((s.per_device, "per device"), (s.per_run, "per run")) if has]
-    levels += [f"depends on {column}; drawn for its mean" for column in s.slopes]
+    follows = [column.partition(" [")[0] for column in s.slopes]
+    levels += [f"depends on {quantity}; shown for the mean {quantity}" for quantity in follows]
     words = in_words(name).rstrip(",")
     return f"{words}: {', '.join(levels) or 'shared by all'}"

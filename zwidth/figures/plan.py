@@ -70,8 +70,8 @@ def _limits(axes: Axes, shown: list[list[Visible]]) -> None:
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
     axes.xaxis.set_major_formatter(lambda x, _: f"{x:g} %")
-    axes.set_xlabel("share of the largest command or motion; a dot a place", fontsize=9)
-    axes.set_title(f"Smallest magnitude that shows with {SHOWN:g} sigma, after a linear refit")
+    axes.set_xlabel("share of the largest command or motion; one dot per place", fontsize=9)
+    axes.set_title(f"Smallest visible magnitude ({SHOWN:g} sigma, after a linear refit)")
 
 
 def _row(group: list[Visible]) -> str:

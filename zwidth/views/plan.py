@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from zwidth.diagnosis.answer.words import own_parameter
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
 from zwidth.views.table import Table, number
@@ -13,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def table(found: Plan) -> Table:
-    """Return a row an effect: the smallest that shows, and what it would be taken for."""
-    headings = ("effect", "smallest that shows", "looks like")
+    """Return a row for each effect: its smallest visible size, and what it looks like."""
+    headings = ("effect", "smallest visible size", "looks like")
     grid = [[v.label, _smallest(v), _alike(found, v.label) or "-"] for v in found.visible]
     pairs = len(found.confusable)
+    alike = "1 pair of effects looks" if pairs == 1 else f"{pairs or 'no'} pairs of effects look"
     said = [
-        f"Smallest size that shows with {SHOWN:g} sigma after a refit; {pairs} pair(s) cannot be"
-        f" told apart at {ALIKE:g} times that."
+        f"Smallest size visible at {SHOWN:g} sigma. At {ALIKE:g} times this size, {alike} alike."
     ]
     return Table(f"Plan: {found.excitation}, {found.seconds:g} s", said, headings, grid)
 
@@ -27,7 +28,7 @@ def table(found: Plan) -> Table:
 def _smallest(seen: Visible) -> str:
     """The magnitude, with what it is in front and its unit behind."""
     size = "never" if seen.magnitude is None else f"{number(seen.magnitude)} {seen.unit}"
-    return f"{seen.measure} {size}".strip()
+    return f"{own_parameter(seen.measure)} {size}".strip()
 
 
 def _alike(found: Plan, label: str) -> str:

@@ -20,7 +20,7 @@ def table(found: RelayReadings) -> Table:
     """Return a row a damping."""
     unit = units(found.device.rotary)
     in_k = f"[{unit.stiffness}]"
-    headings = (f"B [{unit.damping}]", "verdict", "of the starts", f"K relay {in_k}", "f [Hz]",
+    headings = (f"B [{unit.damping}]", "verdict", "share of starts", f"K relay {in_k}", "f [Hz]",
                 f"K linear {in_k}", "limit cycles", "diverge")  # fmt: skip
     grid = [
         [number(c.damping), c.verdict, _share(c), number(c.read and c.read.stiffness),

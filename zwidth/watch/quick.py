@@ -78,7 +78,9 @@ class Quick:
         far = f" ({much})" if much else ""
         if self.stands:
             return (f"{names} explains it" if names else "nothing seems to be missing") + far
-        return f"something is missing beyond {names or 'what is known of the device'}{far}"
+        if not names:
+            return f"the known physics does not explain the log{far}"
+        return f"something is missing beyond {names}{far}"
 
     @property
     def numbers(self) -> str:
@@ -109,10 +111,11 @@ class Quick:
 
 @dataclass(frozen=True)
 class Order:
-    """What to fit: a log's copy, the device, what a search found of it, and where x was last.
+    """A quick fit to make: the copy of the log, the device, the last search, and the last fit.
 
-    samples: the last ones that are looked at; damping: of the wall; walls: whether to say one,
-    None for where the device may render one.
+    x: parameters of the last fit, from which this one starts. samples: how many of the newest are
+    fitted. damping: B of the wall. walls: whether a wall is computed; None: if the device may
+    render one.
     """
 
     spool: Path

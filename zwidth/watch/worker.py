@@ -1,4 +1,4 @@
-"""Work beside the loop that follows a log: a process that does one thing after another."""
+"""Work beside the loop that follows a log: a process that does one task at a time."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ class _Compiles(NamedTuple):
 
 
 class Works(Protocol):
-    """What does one thing after another, beside."""
+    """Runs one task at a time while its caller goes on; `busy` until `take` returns the result."""
 
     busy: bool
 
