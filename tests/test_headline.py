@@ -12,6 +12,7 @@ from zwidth.diagnose_files import may_render
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.answer.answered import _in_short
 from zwidth.diagnosis.answer.changes import Change
+from zwidth.diagnosis.answer.consequence import Worth
 from zwidth.diagnosis.answer.levels import NextLevel
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, HeldOut, Rival, Verdict
 from zwidth.diagnosis.answer.verdict import Facts, Left, Reason, reason
@@ -309,6 +310,7 @@ def test_a_reason_decides_and_the_first_counts():
         Reason.WITH_LEVEL: answer(FRICTION, *waves(0.0798, 0.0793), with_level=True),
         Reason.ONE_PERIOD: answer(FRICTION, *waves(0.0798, 0.0793), contacts=2),
         Reason.TOUCHED: answer(FRICTION, contacts=2),
+        Reason.UNCONFIRMED: answer(replace(FRICTION, worth=Worth(1.01, 0.9, 0.5)), contacts=1),
         Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved, contacts=1),
         Reason.LAW: answer(free=stray, law=law),
         Reason.STRAY: answer(free=stray, refit=moved),
@@ -317,6 +319,11 @@ def test_a_reason_decides_and_the_first_counts():
     }
     assert list(every) == list(Reason)
     assert [reason(facts) for facts in every.values()] == list(Reason)
+    assert every[Reason.UNCONFIRMED].verdict is Verdict.UNDECIDED
+    few, known, none = Worth(1.0, 0.0, 0.5), Worth(1.1, 1.1, 0.5), Worth(0.9, 2.0, 0.1)
+    for worths, so in (([few], True), ([known, none], True), ([none], False)):
+        named = reason(answer(*(replace(FRICTION, worth=w) for w in worths))) is Reason.NAMED
+        assert named is so
     assert every[Reason.DOUBTED].verdict is Verdict.CONFUSABLE
     assert every[Reason.WITH_LEVEL].verdict is Verdict.CONFUSABLE
     assert "law of speed or force" in why(every[Reason.WITH_LEVEL])

@@ -353,6 +353,11 @@ def _headline(f: Facts, because: Reason, sized: int) -> str:
                 f"undecided: {names} would explain what is missing, but there is too little"
                 " held-out data to judge it"
             )
+        case Reason.UNCONFIRMED:
+            return (
+                f"undecided: {names} would explain what is missing, but held-out data are predicted"
+                " no better with any of it"
+            )
         case Reason.STRAY:
             return (
                 f"undecided: free runs have an error of {of_the_motion(f.free.after)}, and no"
@@ -514,6 +519,11 @@ def why(f: Facts) -> str:
             told = (
                 "there is too little held-out data to judge by: record for longer, or give a second"
                 " recording with --validate"
+            )
+        case Reason.UNCONFIRMED:
+            told = (
+                "without each named effect, held-out data are predicted as well, within the scatter"
+                " of the free runs: record more of the motion in which the effects would matter"
             )
         case Reason.ONE_LEVEL:
             told = (
