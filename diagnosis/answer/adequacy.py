@@ -380,10 +380,7 @@ class Fit(Protocol):
 
 
 def freer(
-    new: tuple[Fit, Observer],
-    old: tuple[Fit, Observer],
-    experiments: Sequence[Experiment],
-    apart: float = ADEQUACY.apart,
+    new: tuple[Fit, Observer], old: tuple[Fit, Observer], experiments: Sequence[Experiment]
 ) -> bool:
     """Whether the free runs of one answer are better than another's.
 
@@ -397,7 +394,7 @@ def freer(
         told.append(clearly(b - a))
         if max(a.mean(), b.mean()) > 4.0 * min(a.mean(), b.mean()) > 0.0:
             told.append(clearly(log_ratios(b, a)))
-    return max(told, key=abs, default=0.0) > apart
+    return max(told, key=abs, default=0.0) > ADEQUACY.apart
 
 
 def oftener_freer(

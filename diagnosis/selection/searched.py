@@ -20,7 +20,14 @@ from functools import partial
 from operator import is_
 
 from zwidth.diagnosis.account import spent
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
+from zwidth.diagnosis.answer.adequacy import (
+    Adequacy,
+    adequacy,
+    clearly,
+    each_length,
+    freer,
+    log_ratios,
+)
 from zwidth.diagnosis.answer.straying import wandering
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
@@ -42,7 +49,7 @@ from zwidth.diagnosis.selection.search import (
     two_at_once,
 )
 from zwidth.diagnosis.selection.slower import FAR_S
-from zwidth.diagnosis.settings import PURSUIT, VERDICT
+from zwidth.diagnosis.settings import ADEQUACY, PURSUIT, VERDICT
 from zwidth.sim.device import Device
 
 LEAST = 3  # hypotheses fitted over a longer horizon
@@ -193,7 +200,12 @@ def another_runs_freer(found: Searched) -> bool:
 def _clearly_freer(
     h: Hypothesis, answer: tuple[Fitted, Observer], experiments: Sequence[Experiment]
 ) -> bool:
-    return freer((h, judge_of(h)), answer, experiments, VERDICT.apart)
+    """By five sigma at some length, and also at the longest: the shortest shows noise, too."""
+    sigmas = [
+        max(clearly(old - new), clearly(log_ratios(old, new)))
+        for _, new, old in each_length((h, judge_of(h)), answer, experiments)
+    ]
+    return max(sigmas, default=0.0) > VERDICT.apart and sigmas[-1] > ADEQUACY.apart
 
 
 def runs_freer(new: Searched, old: Searched, experiments: Sequence[Experiment]) -> bool:
