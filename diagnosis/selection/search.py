@@ -59,6 +59,7 @@ from zwidth.diagnosis.selection.slower import Slower
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
+from zwidth.sim.place import Place, of_label
 
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")
@@ -705,7 +706,7 @@ def _to_their_end(
     found: Search, order: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]
 ) -> list[Hypothesis]:
     """Fit the most likely hypotheses to the end, the next ones if none ends at physical values."""
-    near = [h for h in order if h.labels in akin or _comes_near(found, h)]
+    near = [h for h in order if _comes_near(found, h, h.labels in akin)]
     finished: list[Hypothesis] = []
     if order and not near:  # a far rival is reported without a fit
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
@@ -730,18 +731,27 @@ def _stands(
     return found.sound(_each("candidates", fits))
 
 
-def _comes_near(found: Search, h: Hypothesis) -> bool:
+def _comes_near(found: Search, h: Hypothesis, akin: bool) -> bool:
     """Whether a complete fit may bring a hypothesis near the best one.
 
     Not if its cost is higher by a large share of everything that the best explains
-    (`PURSUIT.lagging`), unless its effects contain those of the best or are contained in them.
+    (`PURSUIT.lagging`), unless its effects contain those of the best, are contained in them, or are
+    other forms of the same laws at the same places: such a fit lags behind because it has not
+    ended. (Friction that rises with speed beside a constant force lagged 600 behind friction by
+    direction, 0.4 of everything explained, and ended 330 ahead of it.)
     """
     best = found.best
     if h.labels > best.labels or h.labels < best.labels:
         return True
+    if akin and _places(h.labels - best.labels) == _places(best.labels - h.labels):
+        return True
     explained = max(found.plain.cost.misfit - best.cost.misfit, 0.0)
     lags = h.cost.misfit - best.cost.misfit
     return lags < max(PURSUIT.hopeless, PURSUIT.lagging * explained)
+
+
+def _places(labels: frozenset[str]) -> set[Place]:
+    return {of_label(label)[1].acts_on for label in labels}
 
 
 def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
