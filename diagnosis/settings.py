@@ -75,10 +75,6 @@ class Pursuit:
     gained 0.01 to 0.08 of it. Also the share by which a fit that has not ended may lag behind over
     a longer horizon before it is clearly worse there (`selection.slower`)."""
 
-    lagging_akin: float = 0.5
-    """As `lagging`, for other forms of the same laws at the same places. Tuned: on two rigs of an
-    exam that were called identified with a wrong friction, the right form lagged 0.43 on one."""
-
     farther: float = 3.0
     """Simulations of the search over a longer horizon, over those of all before it, after which it
     ends with what it has. Convention: on five recordings of an exam it took 0.1 to 1.5 times as

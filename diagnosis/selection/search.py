@@ -735,19 +735,19 @@ def _comes_near(found: Search, h: Hypothesis, akin: bool) -> bool:
     """Whether a complete fit may bring a hypothesis near the best one.
 
     Not if its cost is higher by a large share of everything that the best explains
-    (`PURSUIT.lagging`), unless its effects contain those of the best or are contained in them. For
-    other forms of the same laws at the same places the share is `PURSUIT.lagging_akin`: they lag
-    behind because their fits have not ended. (Friction that rises with speed beside a constant
-    force lagged 0.43 behind friction by direction, and ended ahead of it by 0.23.)
+    (`PURSUIT.lagging`), unless its effects contain those of the best, are contained in them, or are
+    other forms of the same laws at the same places: such a fit lags behind because it has not
+    ended. (Friction that rises with speed beside a constant force lagged 0.43 behind friction by
+    direction on one part of a recording, more on others, and ended ahead of it by 0.23.)
     """
     best = found.best
     if h.labels > best.labels or h.labels < best.labels:
         return True
-    same = akin and _places(h.labels - best.labels) == _places(best.labels - h.labels)
-    share = PURSUIT.lagging_akin if same else PURSUIT.lagging
+    if akin and _places(h.labels - best.labels) == _places(best.labels - h.labels):
+        return True
     explained = max(found.plain.cost.misfit - best.cost.misfit, 0.0)
     lags = h.cost.misfit - best.cost.misfit
-    return lags < max(PURSUIT.hopeless, share * explained)
+    return lags < max(PURSUIT.hopeless, PURSUIT.lagging * explained)
 
 
 def _places(labels: frozenset[str]) -> set[Place]:
