@@ -45,6 +45,11 @@ def browser() -> Generator[Browser]:
         chromium.close()
 
 
+def interruptible() -> None:
+    """Let Ctrl-C end a child: a shell's background jobs, and so their children, ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def served(*arguments: str) -> Generator[str]:
     """The address of a page that the command serves."""
@@ -53,16 +58,20 @@ def served(*arguments: str) -> Generator[str]:
     with (
         tempfile.TemporaryFile("w+") as said,
         subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=said, text=True, env=environment
+            command, stdout=subprocess.PIPE, stderr=said, text=True, env=environment,
+            preexec_fn=interruptible,
         ) as server,
-    ):
+    ):  # fmt: skip
         assert server.stdout is not None
         line = next((line for line in server.stdout if "http://" in line), "")
         try:
             yield line.split(": ")[1].split(" ")[0]
         finally:
             server.send_signal(signal.SIGINT)
-            assert server.wait(120) == 0
+            try:
+                assert server.wait(120) == 0
+            finally:
+                server.kill()  # or leaving would wait forever
             said.seek(0)
             assert "Traceback" not in (text := said.read()), text
 
