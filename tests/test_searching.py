@@ -1066,3 +1066,20 @@ def test_an_offset_is_sought_beside_a_spring_that_the_file_lacks() -> None:
     for file, sought in ((drive(), True), (sprung, False)):
         places = {(e.name, str(place)) for e, place in open_places(built, file)}
         assert (("constant_force", "m1") in places) is sought
+
+
+def test_another_form_of_a_law_at_its_place_is_fitted_however_far_it_lags() -> None:
+    """Mutations: it is as hopeless as any other; its place is not asked."""
+
+    def with_cost(misfit: float, *labels: str) -> Any:
+        return SimpleNamespace(labels=frozenset(labels), cost=SimpleNamespace(misfit=misfit))
+
+    best = with_cost(-1400.0, "directional_friction@m1", "cubic_stiffness@ground")
+    found: Any = SimpleNamespace(best=best, plain=with_cost(0.0))
+    here = with_cost(-400.0, "rising_friction@m1", "constant_force@m1", "cubic_stiffness@ground")
+    elsewhere = with_cost(-400.0, "directional_friction@m2", "cubic_stiffness@ground")
+    near = with_cost(-1130.0, "directional_friction@m2", "cubic_stiffness@ground")
+    for h, akin, so in (
+        (here, True, True), (here, False, False), (elsewhere, True, False), (near, False, True),
+    ):  # fmt: skip
+        assert searching._comes_near(found, h, akin) is so  # pyright: ignore[reportPrivateUsage]

@@ -185,8 +185,9 @@ class Facts:
     def confirmed(self) -> bool:
         """Whether held-out data are predicted better with one of the named effects, beyond scatter.
 
-        Of 47 answers of two exams that would be identified, one was not confirmed: a ripple beside
-        a push, where the truth was a law of position and speed. True effects had 1.1 sigma or more.
+        Of 45 answers of two exams that were identified, one was not confirmed: a ripple beside a
+        push, where the truth was a law of position and speed. In the others, the clearest effect
+        had 1.1 sigma or more.
         """
         worth = [one.worth for one in self.findings]
         known = [w for w in worth if w is not None and w.sigma != 0.0]  # zero: too few runs

@@ -181,7 +181,7 @@ def another_runs_freer(found: Searched) -> bool:
 
     The noise of a wrong law foretells its own errors, however large they are. (On a damper with
     play, a hardening spring costs 419 less one sample ahead, and errs three times as much in free
-    runs of every length.) No such hypothesis was seen where the answer is right.
+    runs of every length.) On eight recordings of an exam, where the answer is right, none does.
     """
     near = found.tried
     others = [
