@@ -20,7 +20,6 @@ from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.learning.event_force import Happened
 from zwidth.diagnosis.learning.events import Peak, Source
-from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, as_far_as
 from zwidth.diagnosis.noise.predictor import (
@@ -37,7 +36,6 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import (
-    Hypothesis,
     against,
     independent,
     judged,
@@ -48,7 +46,6 @@ from zwidth.diagnosis.selection.searched import (
     FAR_S,
     Searched,
     Searches,
-    another_runs_freer,
     as_found,
     searched,
     unnamed,
@@ -83,27 +80,6 @@ def test_the_right_answer_errs_as_far_as_it_foretells(rubbed: Taken, found: Sear
     assert said.adequate
     assert said.explained > 0.9
     assert said.better > 5.0
-
-
-def test_another_that_was_tried_and_errs_less_asks_for_a_longer_horizon(rubbed: Taken) -> None:
-    """Truth: dry friction. A drag in its place errs more; a richer friction errs as much.
-
-    Mutation: the free runs of others that were tried are not compared.
-    """
-
-    def fit(effect: Physics) -> Hypothesis:
-        scales = {name: abs(value) / 10 for name, value in effect.values.items()}
-        model = Model(drive()).with_effect(effect, scales)
-        return settled(judged(rubbed.fit_on, model, np.zeros(len(model.parameters))))
-
-    plain = settled(judged(rubbed.fit_on, Model(drive()), np.zeros(len(Model(drive()).parameters))))
-    friction = fit(FRICTION)
-    drag = fit(make_physics("quadratic_drag", "m1", coefficient=1e-4))
-    richer = fit(make_physics("rising_friction", "m1", level=0.03, static_level=0.02, velocity=1.0))
-    for best, other, less in ((drag, friction, True), (friction, richer, False)):
-        tried = Search(plain, best, QUICK, silent, tried={h.labels: h for h in (best, other)})
-        assert tried.ahead(other, plain)
-        assert another_runs_freer(as_found(drive(), tried)) is less
 
 
 def test_no_error_below_a_step_of_the_encoder_refuses(found: Searched, rubbed: Taken) -> None:

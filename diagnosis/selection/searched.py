@@ -8,11 +8,12 @@ in one-step errors, in which the remainder of friction looks like slow noise. So
 repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`), and
 the two answers are compared by the errors of their free runs over every horizon, stretch by
 stretch; the horizon with the clearest difference decides. Both searches are always made if the
-recordings have too few free runs to reject anything (half a second), if the answer's simulated
-repetitions run away, or if another hypothesis that was tried clearly errs less in free runs. If the
-chosen answer does not explain held-out data, the other is compared with it there (`answer.stands`).
+recordings have too few free runs to reject anything (half a second), or if the answer's simulated
+repetitions run away. If the chosen answer does not explain held-out data, the other is compared
+with it there (`answer.stands`).
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -20,14 +21,7 @@ from functools import partial
 from operator import is_
 
 from zwidth.diagnosis.account import spent
-from zwidth.diagnosis.answer.adequacy import (
-    Adequacy,
-    adequacy,
-    clearly,
-    each_length,
-    freer,
-    log_ratios,
-)
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
 from zwidth.diagnosis.answer.straying import wandering
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
@@ -49,11 +43,10 @@ from zwidth.diagnosis.selection.search import (
     two_at_once,
 )
 from zwidth.diagnosis.selection.slower import FAR_S
-from zwidth.diagnosis.settings import ADEQUACY, PURSUIT, VERDICT
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import Device
 
 LEAST = 3  # hypotheses fitted over a longer horizon
-COMPARED = 12  # hypotheses whose free runs are compared with an adequate answer's
 NEXT = 3  # hypotheses tried after held-out data rejected the best
 TELLING = 30  # free runs: fewer cannot reject an answer
 NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show only in one-step errors
@@ -152,7 +145,7 @@ def searched(
         return first
     if sound is not None and sound.sound:
         first = replace(first, held=True)
-        if sound.runs >= TELLING and not another_runs_freer(first):
+        if sound.runs >= TELLING:
             return first
     return farther(device, first, say)
 
@@ -176,38 +169,6 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     return replace(first, beside=second)
 
 
-def another_runs_freer(found: Searched) -> bool:
-    """Return whether free runs of another tried hypothesis clearly err less than the answer's.
-
-    The noise of a wrong law foretells its own errors, however large they are. (On a damper with
-    play, a hardening spring costs 419 less one sample ahead, and errs three times as much in free
-    runs of every length.) On eight recordings of an exam, where the answer is right, none does.
-    """
-    near = found.tried
-    others = [
-        h
-        for h in near.tried.values()
-        if h.model.effects and not h.labels >= near.best.labels and near.ahead(h, near.plain)
-    ]
-    answer, experiments = (found.final, found.judge), near.best.experiments
-    cheapest = sorted(others, key=lambda h: h.cost.total)[:COMPARED]
-    return any(
-        attempt("search", h.model.label, partial(_clearly_freer, h, answer, experiments))
-        for h in cheapest
-    )
-
-
-def _clearly_freer(
-    h: Hypothesis, answer: tuple[Fitted, Observer], experiments: Sequence[Experiment]
-) -> bool:
-    """By five sigma at some length, and also at the longest: the shortest shows noise, too."""
-    sigmas = [
-        max(clearly(old - new), clearly(log_ratios(old, new)))
-        for _, new, old in each_length((h, judge_of(h)), answer, experiments)
-    ]
-    return max(sigmas, default=0.0) > VERDICT.apart and sigmas[-1] > ADEQUACY.apart
-
-
 def runs_freer(new: Searched, old: Searched, experiments: Sequence[Experiment]) -> bool:
     """Whether free runs of one answer are clearly better (`adequacy.freer`)."""
     return freer((new.final, new.judge), (old.final, old.judge), experiments)
@@ -220,9 +181,14 @@ def holds(device: Device, found: Searched) -> Adequacy | None:
 
 
 def _doubtful(near: Search) -> bool:
-    """Whether one more effect would cost less, though it is not believed: two may be missing."""
-    more = [h for h in near.tried.values() if one_more(h, near.best)]
-    return any(h.cost.total < near.best.cost.total for h in more)
+    """Whether one more effect would cost less, though it is not believed: two may be missing.
+
+    It must gain more than the best of as many effects gains by chance, 2 ln of their number.
+    """
+    best = near.best.cost
+    more = [h.cost for h in near.tried.values() if one_more(h, near.best)]
+    chance = 2.0 * math.log(max(1, len(more)))
+    return any(c.total < best.total and best.misfit - c.misfit > chance for c in more)
 
 
 def _strays(found: Searched) -> bool:
