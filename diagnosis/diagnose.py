@@ -14,7 +14,7 @@ from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.search import Moves
-from zwidth.diagnosis.selection.searched import Searched, Searches, searched
+from zwidth.diagnosis.selection.searched import Searched, searched
 from zwidth.sim.device import Device
 
 
@@ -41,21 +41,19 @@ def diagnose(
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
         device = taken.device
-        moves = Moves(apart=set_apart)
-        search = Searches(lambda those: searched(device, those, say, effort, moves))
-        found = _sought(taken, search)
+        found = _sought(device, taken, say, effort)
         say("looking for one-time events (a hit, a slip, a jam)")
         with stage("events"):
             taken, found, events = knowing_events(taken, found, say)
         with stage("answering"):
-            answer = answered(device, taken, found, mishaps, search, say, events)
+            answer = answered(device, taken, found, mishaps, say, events)
         return replace(answer, cost=account.as_json())
 
 
-def _sought(taken: Taken, search: Searches) -> Searched:
+def _sought(device: Device, taken: Taken, say: Say, effort: Effort) -> Searched:
     """The result of searching the recordings; without a refit there is no answer."""
     try:
-        return search(taken.fit_on)
+        return searched(device, taken.fit_on, say, effort, Moves(apart=set_apart))
     except NoObserver as error:
         raise ExperimentError(str(error)) from error
     except Exception as error:

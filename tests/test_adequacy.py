@@ -43,13 +43,12 @@ from zwidth.diagnosis.selection.hypothesis import (
 )
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import (
-    FAR_S,
     Searched,
-    Searches,
     as_found,
     searched,
     unnamed,
 )
+from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -144,11 +143,10 @@ def test_held_out_data_choose_between_the_answers_of_two_judges(
 ) -> None:
     """Mutation: the answer of the other judge is forgotten once another was chosen."""
     bare = replace(unnamed(found), far=True)
-    search = Searches(lambda _: found)
 
     def stood(first: Searched, beside: Searched) -> Searched:
         asked = replace(first, far=True, beside=beside)
-        return what_stands(drive(), rubbed, asked, search, lambda _: None).by
+        return what_stands(drive(), rubbed, asked, lambda _: None).by
 
     right, wrong = found.final.model.label, bare.final.model.label
     assert right != wrong
@@ -177,7 +175,7 @@ def test_of_no_effect_it_is_asked_too_what_the_next_sample_shows(
     far = settled(independent(judged(plain.experiments, plain.model, plain.x, horizon), FAR_S))
     second = as_found(drive(), replace(found.tried, plain=far, best=far))
     first = replace(near, far=True, beside=second)
-    stood = what_stands(drive(), rubbed, first, Searches(lambda _: near), lambda _: None)
+    stood = what_stands(drive(), rubbed, first, lambda _: None)
     assert stood.by is second
     assert asked[-1].final.model.effects == ()
     assert asked[-1].problem.observer.whitening is not None
@@ -214,9 +212,8 @@ def test_what_goes_on_into_held_out_data_may_be_an_effect_that_only_these_show(
     monkeypatch.setattr(
         stands, "second_look", lambda *a: (looked.append(a[2][0].ticks), (a[0], a[1], None))[1]
     )
-    search = Searches(lambda _: found)
     for later in (False, True):
-        what_stands(drive(), rubbed, replace(found, later=later), search, lambda _: None)
+        what_stands(drive(), rubbed, replace(found, later=later), lambda _: None)
         assert looked == [rubbed.whole[0].ticks] * later
 
 

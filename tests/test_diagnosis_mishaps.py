@@ -168,7 +168,7 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
         ("held out", "answered.held_out", Verdict.UNDECIDED),
         ("adequacy", "stands.adequacy", Verdict.UNDECIDED),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
-        ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
+        ("intervals", "findings.spans", Verdict.CONFUSABLE),
         ("augmented device", "answered.improved", Verdict.CONFUSABLE),
     ],
 )

@@ -45,7 +45,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, Searches, as_found
+from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.diagnosis_report import Commands, save_report
 from zwidth.sim.device import Device, known
 from zwidth.sim.device_file import device_from_text, device_to_text
@@ -292,7 +292,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_an_interrupted_second_look_is_said(at_once: bool):
+def test_an_interrupted_second_look_is_said(at_once: bool, monkeypatch: pytest.MonkeyPatch):
     """What was found before stays, and is not passed off as all that could be found.
 
     Mutation that breaks it: the first search's own word for it.
@@ -310,7 +310,8 @@ def test_an_interrupted_second_look_is_said(at_once: bool):
 
     left = Left(100.0, "a force", True)
     assert not found.interrupted
-    kept, same, note = second_look(found, left, [], Searches(interrupted), silent)
+    monkeypatch.setattr("zwidth.diagnosis.answer.stands.searched_through", interrupted)
+    kept, same, note = second_look(found, left, [], silent)
     assert kept.interrupted
     assert kept.final is found.final
     assert (same, note) == (left, None)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.descend import ground_of, slopes_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.reach import reaches
-from zwidth.diagnosis.fitting.uncertainty import covariance, standard_errors
+from zwidth.diagnosis.fitting.uncertainty import covariance, spans, standard_errors
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import settle
 from zwidth.sim.chain import make_chain
@@ -104,7 +104,7 @@ def test_an_interval_reaches_as_far_as_the_likelihood(
     """
     problem, final, held = bristles
     errors = standard_errors(final)
-    ((below, above),) = reaches(problem, final, errors, [held])
+    ((below, above),) = reaches(problem, final, spans(final), [held])
     share = errors[held] ** 2 / np.linalg.inv(final.jacobian.T @ final.jacobian)[held, held]
     coarse = Problem(problem.experiments, problem.observer)
     least = refitted(coarse, final.model, final.x, held)

@@ -1,6 +1,5 @@
 """The longer horizon is asked wherever the next sample's answer is not known to hold."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.searched import Searched, Searches, searched
+from zwidth.diagnosis.selection.searched import Searched, searched
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
@@ -61,18 +60,3 @@ def test_it_is_asked_where_nothing_is_foretold_refused_or_shown_by_enough_runs(
     found = searched(CART, [moved()], silent, QUICK)
     assert bool(far) is asked
     assert found.held is (how is not None and how.sound)
-
-
-def test_the_same_recordings_are_searched_once() -> None:
-    """Mutation: `Searches` that compares what recordings hold, or that keeps nothing."""
-    e, asked = moved(), []
-    found = searched(CART, [e], silent, QUICK)
-
-    def search(those: Sequence[Experiment]) -> Searched:
-        asked.append(len(those))
-        return found
-
-    searches = Searches(search)
-    for those in ([e], (e,), [e, e], [replace(e)]):
-        assert searches(those) is found
-    assert asked == [1, 2, 1]

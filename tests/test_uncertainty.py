@@ -6,20 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import lfilter
 
 from tests.diagnosis_examples import phantom, record
 from zwidth.cli import run
 from zwidth.controllers.none import none
+from zwidth.diagnosis.answer import findings as findings_of
 from zwidth.diagnosis.answer.augmented import augmented
+from zwidth.diagnosis.answer.consequence import may_be_nothing
 from zwidth.diagnosis.answer.findings import linear
+from zwidth.diagnosis.answer.result import Estimate, Finding
+from zwidth.diagnosis.fitting import uncertainty
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.fitting.uncertainty import covariance, shared, standard_errors
+from zwidth.diagnosis.fitting.uncertainty import covariance, shared, spans, standard_errors
 from zwidth.diagnosis.model.parameters import Model, linear_parameters
 from zwidth.diagnosis.noise.settle import settle
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, DeviceError
 from zwidth.sim.device_file import (
     device_from_text,
@@ -206,6 +212,66 @@ def test_an_uncertain_scale_widens_its_own_interval_and_no_other(rubbed: Experim
         assert stated[name] == pytest.approx(sure[name], rel=0.1)
     assert free[level] > 3.0 * stated[level]
     assert stated["gain"] == free["gain"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_interval_ends_where_no_other_parameter_leaves_its_bounds(seed: int) -> None:
+    """Truth: the same convex problem, solved by another method.
+
+    Mutations: another parameter may leave its bounds; what its bound uses up is not taken off; the
+    rest is not known better once a parameter is held.
+    """
+    random = np.random.default_rng(seed)
+    root = random.standard_normal((4, 4)) * np.array([1.0, 1.0, 3.0, 10.0])
+    spread = root @ root.T
+    x = random.uniform(0.0, 1.0, 4)
+    bounds = np.zeros(4), np.full(4, np.inf)
+    inverse = np.linalg.inv(spread)
+    for sign in (-1.0, 1.0):
+        told = uncertainty._farthest(x, spread, 0, sign, bounds)  # pyright: ignore[reportPrivateUsage]
+        free = [(None, None), *[(0.0, None)] * 3]
+        within = NonlinearConstraint(
+            lambda y: (y - x) @ inverse @ (y - x), -np.inf, uncertainty.Z95**2
+        )
+        best = minimize(
+            lambda y, way=sign: -way * y[0], x, method="SLSQP", bounds=free, constraints=[within],
+            options={"ftol": 1e-12, "maxiter": 500},
+        )  # fmt: skip
+        assert told == pytest.approx(best.x[0], rel=1e-3, abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def two_levels() -> Fitted:
+    """A device on a spring, fitted with friction by direction: both levels 0.02 N m."""
+    chain = make_chain([2e-4], [2e-3], ground_spring=2.0)
+    device = phantom().with_chain(chain)
+    friction = make_physics(
+        "directional_friction", "m1", level_plus=LEVEL, level_minus=LEVEL,
+        viscous_plus=0.0, viscous_minus=0.0,
+    )  # fmt: skip
+    e = record(device.with_physics(FRICTION), 1.5, seed=4)
+    model = Model(device, (friction,), ({"level_plus": LEVEL, "level_minus": LEVEL},))
+    return settle([e], model, np.zeros(len(model.parameters)))[1]
+
+
+def test_of_two_levels_whose_sum_alone_is_known_neither_is_above_it(two_levels: Fitted) -> None:
+    """Where a spring rests is not known: either level may be zero, and both together may not.
+
+    Mutations: no bounds in `spans`; each magnitude asked alone in `_together_clear`.
+    """
+    places = [j for j, p in enumerate(two_levels.model.parameters) if p.kind == "effect"]
+    levels = two_levels.model.effects_at(two_levels.x)[0].values
+    both = levels["level_plus"] + levels["level_minus"]
+    assert both == pytest.approx(2.0 * LEVEL, rel=0.1)
+    wide = standard_errors(two_levels)[places] * LEVEL
+    ends = two_levels.x[places] * LEVEL + LEVEL + spans(two_levels)[places, 1] * LEVEL
+    assert np.all(wide > 2.0 * both)
+    assert ends == pytest.approx(np.full(2, both), rel=0.1)
+    assert findings_of._together_clear(two_levels, 0)  # pyright: ignore[reportPrivateUsage]
+    sizes = {name: Estimate(LEVEL, 0.0, both, "N m") for name in levels}
+    seen = Finding("directional_friction", "m1", sizes, 9.0, ())
+    assert may_be_nothing(seen)
+    assert not may_be_nothing(replace(seen, clear=True))
 
 
 def test_the_scale_is_known_by_priors_alone(rubbed: Experiment) -> None:

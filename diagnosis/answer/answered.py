@@ -31,7 +31,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import WITH_LEVEL
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.searched import Searched, Searches
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
@@ -51,7 +51,6 @@ def answered(
     taken: Taken,
     found: Searched,
     mishaps: Mishaps,
-    search: Searches,
     say: Say,
     events: tuple[Event, ...] = (),
 ) -> Diagnosis:
@@ -59,7 +58,7 @@ def answered(
 
     If one part fails, the answer lacks that part, and the verdict if it depends on that part.
     """
-    stands = what_stands(device, taken, found, search, say)
+    stands = what_stands(device, taken, found, say)
     found, by, taken, changes = stands.found, stands.by, stands.taken, stands.changes
     fitted, judge_by = taken.fit_on, taken.judge_by
     say("locating where the device and the recording differ")

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from zwidth.diagnosis.answer.adequacy import clearly, each_length, log_ratios
-from zwidth.diagnosis.answer.result import Finding
+from zwidth.diagnosis.answer.result import Finding, magnitudes
 from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.model.parameters import effect_labels
@@ -83,11 +83,11 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 def may_be_nothing(finding: Finding) -> bool:
     """Whether held-out data reject a finding, or are none the worse without it and it may be zero.
 
-    It may be zero if all its magnitudes may: Stribeck friction may lack its level in motion and
-    still hold a mass at rest. An interval is that of a quadratic form, which a strength beside a
-    similar effect may leave: of a pendulum beside a spring that stiffens it contained zero, but
-    free runs had errors 51 times as large without it. They decide at five sigma: a resonance beside
-    a known arm that did not exist was worth 5 %.
+    It may be zero if all its magnitudes may, together (`Finding.clear`): Stribeck friction may lack
+    its level in motion and still hold a mass at rest. An interval is that of a quadratic form,
+    which a strength beside a similar effect may leave: of a pendulum beside a spring that stiffens
+    it contained zero, but free runs had errors 51 times as large without it. They decide at five
+    sigma: a resonance beside a known arm that did not exist was worth 5 %.
 
     Held-out data reject it if free runs err less without it, and over no horizon more. Of the
     effects named on 60 sealed recordings two were rejected, and neither existed. For effects that
@@ -100,9 +100,9 @@ def may_be_nothing(finding: Finding) -> bool:
     if worth is not None and worth.times > 1.0 and worth.sigma > VERDICT.apart:
         return False
     sizes = [
-        (finding.parameters[p.name], p.none_of_it())
-        for p in EFFECTS[finding.effect].parameters
-        if p.role in ("magnitude", "strength") and p.neutral is not None
-        if p.name in finding.parameters
+        (finding.parameters[name], none)
+        for name, none in magnitudes(EFFECTS[finding.effect]).items()
+        if name in finding.parameters
     ]
-    return bool(sizes) and all(e.lower <= none <= e.upper for e, none in sizes)
+    may = bool(sizes) and all(e.lower <= none <= e.upper for e, none in sizes)
+    return may and not finding.clear

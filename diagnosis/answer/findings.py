@@ -7,13 +7,19 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
+from scipy.stats import binomtest, chi2
 
 from zwidth.diagnosis.answer.regimes import held
-from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
+from zwidth.diagnosis.answer.result import Estimate, Finding, Rival, magnitudes
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.reach import reaches
-from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
+from zwidth.diagnosis.fitting.uncertainty import (
+    Z95,
+    covariance,
+    covariance_beside,
+    inflation,
+    spans,
+)
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import attempt, isolated
@@ -69,11 +75,10 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
 def _findings(found: Searched) -> tuple[Finding, ...]:
     """The effects of the model, the one that explains most first."""
     final, tried = found.final, found.tried
-    spread = attempt("intervals", "", partial(standard_errors, final))
-    spread = np.full(final.x.size, np.nan) if spread is None else spread
+    reach = attempt("intervals", "", partial(spans, final))
+    reach = np.full((final.x.size, 2), np.nan) if reach is None else reach
     own = [j for j, p in enumerate(final.model.parameters) if p.kind == "effect"]
-    reach = Z95 * np.stack([spread, spread], axis=1)
-    further = attempt("intervals", "", partial(reaches, found.problem, final, spread, own))
+    further = attempt("intervals", "", partial(reaches, found.problem, final, reach, own))
     reach[own] = reach[own] if further is None else further
     findings: list[Finding] = []
     odds = attempt("separation", "", partial(shares, tried)) if final.model.effects else None
@@ -86,7 +91,8 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         if physics.effect.sought == "lattice":
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
-        one = Finding(physics.effect.name, physics.at, estimates, np.nan, ())
+        clear = attempt("intervals", name, partial(_together_clear, final, i)) or False
+        one = Finding(physics.effect.name, physics.at, estimates, np.nan, (), clear=clear)
         one = attempt("separation", name, partial(_separated, one, tried, odds, label)) or one
         bare = tried.tried.get(tried.best.labels - {label})
         everywhere = bare and attempt("regimes", name, partial(held, tried.best, bare))
@@ -141,6 +147,28 @@ def _estimates(
         unit = known.unit_for(model.nominal.rotary)
         estimates[name] = _within(value, half, unit, known.lower, known.upper)
     return estimates
+
+
+def _together_clear(final: Fitted, index: int) -> bool:
+    """Whether the magnitudes of an effect together differ from none of it at 95 %.
+
+    Each may be zero though all may not: of two levels of which only the sum is known, for example.
+    """
+    physics, parameters = final.model.effects_at(final.x)[index], final.model.parameters
+    none = magnitudes(physics.effect)
+    own = [
+        j
+        for j, p in enumerate(parameters)
+        if p.kind == "effect" and p.index == index and p.key in none
+    ]
+    gains = [j for j, p in enumerate(parameters) if p.kind == "gain"]
+    spread = covariance_beside(final, gains)[np.ix_(own, own)]
+    if len(own) < 2 or not np.all(np.isfinite(spread)):
+        return False
+    each = [parameters[j] for j in own]
+    off = np.array([(physics.values[p.key] - none[p.key]) / p.scale for p in each])
+    told = off @ np.linalg.pinv(spread, hermitian=True) @ off
+    return bool(told > chi2.ppf(0.95, len(own)))
 
 
 def _within(
@@ -200,15 +228,15 @@ def linear(
     """Return (nominal, estimate) of each linear parameter by name; of a gain only if it is free."""
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
-    spread = standard_errors(final)
+    reach = spans(final)
     result: dict[str, tuple[float, Estimate]] = {}
     for j, p in enumerate(linear_parameters(device)):
         if not is_read(p, experiments):
             continue
         own, value = nominal[p.name], fitted[p.name]
-        half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
+        below, above = abs(p.slope(own, float(final.x[j]))) * reach[j]
         unit = UNITS[p.kind][0 if device.rotary else 1]
-        result[p.name] = (own, Estimate(value, value - half, value + half, unit))
+        result[p.name] = (own, Estimate(value, value - below, value + above, unit))
     return result | _of_recordings(device, final, experiments)
 
 

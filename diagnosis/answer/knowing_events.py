@@ -29,8 +29,15 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.selection.search import Search, explaining, restart, searched_on
-from zwidth.diagnosis.selection.searched import Searched, as_found, holds, runs_freer
+from zwidth.diagnosis.selection.search import Search, explaining, searched_on
+from zwidth.diagnosis.selection.searched import (
+    Searched,
+    as_found,
+    begun_on,
+    fitted_anew,
+    held,
+    runs_freer,
+)
 from zwidth.diagnosis.settings import PURSUIT
 
 ENDED = 0.1  # of a force's duration, which must be recorded after its end
@@ -137,20 +144,12 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
     # Cost beyond that of ordinary noise in its place, from which `Search` had set it apart.
     explained = best.cost.misfit - beside.cost.misfit * best.samples / beside.samples
     least = PURSUIT.rival_share * explained if before.apart else PURSUIT.no_sign
-    search = _begun(before, again(before.plain), best)
+    search = begun_on(before, again(before.plain), best)
     named = explaining(search, least, lambda h: highest(_every(taken), h) is None)
     if named is None:
         return None
     search.best = named
     return search
-
-
-def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
-    """A search that so far has only these two hypotheses."""
-    new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
-    restart(new, plain, best)
-    new.on_bounds |= before.on_bounds
-    return new
 
 
 def _happened(taken: Taken, best: Hypothesis) -> tuple[Happened, ...]:
@@ -196,13 +195,13 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
     """
     far = found.beside if found.near is not None else None
     near = far or found
-    tried = _fitted_anew(near.tried, experiments)
-    first = _held(tried)
+    tried = fitted_anew(near.tried, experiments)
+    first = held(tried)
     if tried.best.labels != near.tried.best.labels or (near.held and not first.held):
         return _searched_on(found, tried, say)
     if first.held or far is None:
         return replace(first, far=found.far)
-    second = as_found(tried.plain.model.nominal, _fitted_anew(found.tried, experiments))
+    second = as_found(tried.plain.model.nominal, fitted_anew(found.tried, experiments))
     if runs_freer(second, first, experiments):
         return replace(second, far=True, near=tried.best, beside=first)
     return replace(first, far=True, beside=second)
@@ -211,36 +210,4 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
     say(f"one-time events have been checked; the search continues from {tried.best.model.label}")
     searched_on(tried)
-    return replace(_held(tried), far=found.far)
-
-
-def _held(tried: Search) -> Searched:
-    """An answer, and whether its free runs are adequate."""
-    device = tried.plain.model.nominal
-    found = as_found(device, tried)
-    sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
-    return replace(found, held=sound is not None and sound.sound)
-
-
-def _fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
-    """The search on other recordings, with its cheapest hypotheses fitted to them."""
-    every: list[Hypothesis] = []
-    for h in before.tried.values():
-        with suppress(NoObserver):
-            every.append(judged(experiments, h.model, h.x, h.family, None, h.prices))
-    order = sorted(every, key=lambda h: h.cost.total)
-    own = before.best.labels
-    kept = {before.plain.labels, own, *(own - {label} for label in own)}
-    near = [h for h in order if h.cost.total - order[0].cost.total < PURSUIT.hopeless]
-    asked = [
-        h for h in order if any(h is n for n in near[: before.effort.near]) or h.labels in kept
-    ]
-    fits = (attempt("events", h.model.label, partial(settled, h)) for h in asked)
-    done = [h for h in fits if h is not None and not h.against_physics]
-    plain = next(h for h in done if h.labels == before.plain.labels)
-    found = _begun(before, plain, plain)
-    for h in sorted(done, key=lambda h: (len(h.model.effects), h.cost.total)):
-        found.keep(h)
-        if found.ahead(h, found.best):
-            found.best = h
-    return found
+    return replace(held(tried), far=found.far)

@@ -20,6 +20,7 @@ from zwidth.diagnosis.settings import VERDICT
 from zwidth.shown import Shown, Valued
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
+from zwidth.sim.physics.effect import Effect
 from zwidth.sim.place import place_at
 
 if TYPE_CHECKING:
@@ -87,6 +88,12 @@ class Held(Valued):
     fails: bool
 
 
+def magnitudes(effect: Effect) -> dict[str, float]:
+    """Return the magnitudes of an effect, each with its value if there is none of the effect."""
+    sizes = (p for p in effect.parameters if p.role in ("magnitude", "strength"))
+    return {p.name: p.none_of_it() for p in sizes if p.neutral is not None}
+
+
 @dataclass(frozen=True)
 class Finding(Valued):
     """One effect of an answer.
@@ -98,6 +105,7 @@ class Finding(Valued):
     form, which decides the verdict. regimes: how well the effect predicts parts of the motion that
     were not fitted. worth: how much larger the error of free runs on held-out data is without it;
     None if nothing was held out or the effect is not part of the model (`answer.consequence`).
+    clear: whether its magnitudes together are not zero, though each of them may be.
     """
 
     effect: str
@@ -109,6 +117,7 @@ class Finding(Valued):
     regimes: tuple[Held, ...] = ()
     with_richer: float | None = None
     worth: "Worth | None" = None
+    clear: bool = False
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:

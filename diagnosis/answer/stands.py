@@ -32,10 +32,10 @@ from zwidth.diagnosis.seeking.lattice import losses
 from zwidth.diagnosis.selection.hypothesis import EDGE
 from zwidth.diagnosis.selection.searched import (
     Searched,
-    Searches,
     farther,
     next_believed,
     runs_freer,
+    searched_through,
     unnamed,
 )
 from zwidth.diagnosis.settings import FREE_FORCES, VERDICT
@@ -65,9 +65,7 @@ class Stands:
     halted: bool
 
 
-def what_stands(
-    device: Device, taken: Taken, found: Searched, search: Searches, say: Say
-) -> Stands:
+def what_stands(device: Device, taken: Taken, found: Searched, say: Say) -> Stands:
     """Return the final answer of a search; opens the held-out data.
 
     If the answer does not explain these, effects over a longer horizon are tried too, and then all
@@ -86,12 +84,12 @@ def what_stands(
     left, other = _what_is_left(found, taken)
     there = Stands(found, found, taken, sound, left, other, changes, taken.faults, halted)
     if found.later:
-        there = _all_searched(device, asked, there, search, say)
+        there = _all_searched(device, asked, there, say)
     named = there.found is not found
     if not (named or found.interrupted) and _unexplained(found, left, other, sound):
         there = _farther_stands(device, there, say)
         if named_only_whole(there.found, there.left, there.other, there.sound):
-            there = _all_searched(device, asked, there, search, say)
+            there = _all_searched(device, asked, there, say)
     if changes and not (changes := outlived(changes, there.found)):
         there = replace(there, taken=_knowing_losses(before, there.found))  # it was cut for them
     return replace(there, changes=changes, halted=halted or there.found.interrupted)
@@ -117,9 +115,7 @@ def _farther_stands(device: Device, before: Stands, say: Say) -> Stands:
     return replace(before, found=found, by=found, sound=sound, left=left, other=other)
 
 
-def _all_searched(
-    device: Device, asked: Taken, before: Stands, search: Searches, say: Say
-) -> Stands:
+def _all_searched(device: Device, asked: Taken, before: Stands, say: Say) -> Stands:
     """The answer of a search of all recorded data if that names more (`second_look`).
 
     asked: the recordings without the commands that an answer calls lost.
@@ -128,7 +124,7 @@ def _all_searched(
         return before
     with isolated("search", "all that was recorded"):
         whole = before.taken.whole
-        again, left, note = second_look(before.found, before.left, whole, search, say)
+        again, left, note = second_look(before.found, before.left, whole, say)
         if note is None:
             return replace(before, found=again, left=left)
         by = on_first_part(again)
@@ -296,7 +292,7 @@ def named_only_whole(
 
 
 def second_look(
-    found: Searched, left: Left, acted: Sequence[Experiment], search: Searches, say: Say
+    found: Searched, left: Left, acted: Sequence[Experiment], say: Say
 ) -> tuple[Searched, Left, Fault | None]:
     """Search all recorded data for effects that the first part does not show.
 
@@ -307,7 +303,7 @@ def second_look(
     """
     say("held-out data show physics that the search missed: searching the whole recording")
     try:
-        again = search(acted)
+        again = searched_through(found, acted)
         halted = again.interrupted
     except NoObserver:
         return found, left, None

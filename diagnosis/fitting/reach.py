@@ -16,8 +16,8 @@ x_j held, this step is
 If the residual is not white, the variance v of x_j is not P_jj, and the interval ends where the
 cost has risen by v / P_jj times 1.96^2. Limits: in a strongly curved valley one such step does not
 reach the bottom, so the cost is above the profile and the interval too short. Therefore no side is
-shorter than 1.96 standard errors. If the cost falls along the line, x is not the best of its model,
-and the line says nothing.
+shorter than that of the parabola (`uncertainty.spans`). If the cost falls along the line, x is not
+the best of its model, and the line says nothing.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.descend import ground_of
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.fitting.uncertainty import Z95, standard_errors
 
 Floats = NDArray[np.float64]
 ROUNDS = 5
@@ -37,10 +37,10 @@ FARTHER = 3.0  # times as far, that one round goes at most
 SHARES = (1.0, 0.5)  # of the step of the others
 
 
-def reaches(problem: Problem, fitted: Fitted, errors: Floats, which: Sequence[int]) -> Floats:
+def reaches(problem: Problem, fitted: Fitted, spans: Floats, which: Sequence[int]) -> Floats:
     """Return how far the interval of x[which] reaches below and above, (w, 2), in x, both positive.
 
-    errors (p,): standard errors of x; where they are not finite, neither are the reaches.
+    spans (p, 2): of the parabola; where they are not finite, neither are the reaches.
     """
     ground = ground_of(Problem(problem.experiments, problem.observer), fitted.model)
     slopes = fitted.jacobian.copy()
@@ -48,8 +48,8 @@ def reaches(problem: Problem, fitted: Fitted, errors: Floats, which: Sequence[in
     rows = np.linalg.pinv(slopes)
     inner = rows @ rows.T
     own = np.array(which, dtype=np.int64)
-    found = np.repeat(Z95 * errors[own, None], 2, axis=1)
-    seen = np.isfinite(found[:, 0]) & (found[:, 0] > 0.0) & (np.diag(inner)[own] > 0.0)
+    found, errors = spans[own], standard_errors(fitted)
+    seen = np.isfinite(found[:, 0]) & (errors[own] > 0.0) & (np.diag(inner)[own] > 0.0)
     left = [(i, side) for i in np.flatnonzero(seen) for side in (0, 1)]
     with reason("intervals"):
         least = float(ground.costs([fitted.x])[0]) if left else 0.0

@@ -33,6 +33,57 @@ def standard_errors(fitted: Fitted) -> Floats:
     return errors
 
 
+def spans(fitted: Fitted) -> Floats:
+    """Return how far the 95 % intervals of x reach below and above, (p, 2), with x in its bounds.
+
+    An interval holds the values of x_j for which the quadratic form of the covariance C, minimised
+    over all other parameters within their bounds, is at most 1.96^2. Without bounds it ends at
+
+        x + 1.96 C e_j / sqrt(C_jj).
+
+    If this is beyond the bound of another parameter k, x_k is held there: its distance d uses up
+    d^2 / C_kk of 1.96^2, and the rest is known as if x_k was, C - C e_k e_k' C / C_kk. (If the rest
+    position of a spring is not known, only the sum of the two levels of a friction by direction is.
+    But neither is below zero, so neither is above their sum.)
+    """
+    parameters = fitted.model.parameters
+    found = Z95 * np.repeat(standard_errors(fitted)[:, None], 2, axis=1)
+    spread = covariance_beside(fitted, [j for j, p in enumerate(parameters) if p.kind == "gain"])
+    known = np.flatnonzero(np.isfinite(np.diag(spread)))
+    x, spread = fitted.x[known], spread[np.ix_(known, known)]
+    each = [parameters[j] for j in known]
+    lower = np.array([-np.inf if "lower" in p.walks else p.lower for p in each])
+    upper = np.array([np.inf if "upper" in p.walks else p.upper for p in each])
+    for i, j in enumerate(known):
+        if spread[i, i] > 0.0:
+            ends = (_farthest(x, spread, i, sign, (lower, upper)) for sign in (-1.0, 1.0))
+            found[j] = [abs(end - x[i]) for end in ends]
+    return found
+
+
+def _farthest(
+    x: Floats, spread: Floats, j: int, sign: float, bounds: tuple[Floats, Floats]
+) -> float:
+    """The end of the interval of x_j at one side (`spans`)."""
+    lower, upper = bounds
+    mean, spread, left = x.copy(), spread.copy(), Z95**2
+    while True:
+        end = mean + sign * np.sqrt(left / spread[j, j]) * spread[:, j]
+        free = np.diag(spread) > 0.0
+        free[j] = False
+        beyond = np.where(free, np.maximum(lower - end, end - upper), 0.0)
+        k = int(np.argmax(beyond / np.sqrt(np.where(free, np.diag(spread), 1.0))))
+        if beyond[k] <= 0.0:
+            return float(end[j])
+        d, own = np.clip(end[k], lower[k], upper[k]) - mean[k], spread[k, k]
+        left -= d**2 / own
+        mean += spread[:, k] * d / own
+        spread -= np.outer(spread[:, k], spread[:, k]) / own
+        spread[k], spread[:, k] = 0.0, 0.0
+        if left <= 0.0 or spread[j, j] <= 0.0:
+            return float(mean[j])
+
+
 def covariance(fitted: Fitted) -> Floats:
     """Return the covariance of x, (p, p), all of it free, that holds for a coloured residual.
 
