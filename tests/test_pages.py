@@ -182,7 +182,7 @@ SAME: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "answers called identified": (
         ("README.md", r"Of\s+its\s+(\d+)\s+answers\s+with\s+the\s+verdict\s+`identified`,"),
-        ("docs/evidence.md", r"Of\s+(\d+)\s+answers\s+with\s+`identified`,\s+three"),
+        ("docs/evidence.md", r"Of\s+(\d+)\s+answers\s+with\s+`identified`,\s+none"),
     ),
     "intervals that contain the truth": (
         ("docs/evidence.md", r"contain\s+the\s+truth\s+for\s+(\d+ of \d+)\s+effects"),

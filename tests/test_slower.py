@@ -15,7 +15,7 @@ from zwidth.diagnosis.selection import searched
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.search import Moves, Search, search
-from zwidth.diagnosis.selection.slower import FAR_S, Slower, far_s
+from zwidth.diagnosis.selection.slower import FAR_S, Slower
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
@@ -63,25 +63,6 @@ def test_what_the_next_sample_drops_is_looked_at_if_it_explains_more(
     rubs, lags = fitted(rubbed, FRICTION), fitted(rubbed, LAG)
     assert Slower(fitted(rubbed)).ahead_of([lags], [rubs]) == [rubs]
     assert Slower(fitted(rubbed)).ahead_of([rubs], [lags]) == []
-
-
-def test_one_more_effect_that_a_longer_horizon_shows_asks_for_it(
-    rubbed: list[Experiment],
-) -> None:
-    """However little the next sample says of it. Mutations: nothing asked; whatever was tried."""
-    plain, rubs, lags = (fitted(rubbed, *those) for those in ((), (FRICTION,), (LAG,)))
-    both = fitted(rubbed, FRICTION, LAG)
-    for best, more, asked in ((lags, both, True), (rubs, both, False), (rubs, lags, False)):
-        doubtful = cheaper(more, more.cost.total - best.cost.total)
-        tried = {h.labels: h for h in (best, doubtful)}
-        found = Search(plain, best, QUICK, silent, tried=tried, slower=Slower(fitted(rubbed)))
-        assert searched._more_ahead(found) is asked
-
-
-def test_the_longer_horizon_has_samples_enough(rubbed: list[Experiment]) -> None:
-    """50 ms of a recording at 1 kHz, and 20 samples of one at 100 Hz. Mutation: either alone."""
-    assert far_s(rubbed) == 0.05
-    assert far_s([replace(rubbed[0], period=0.01)]) == pytest.approx(0.2)
 
 
 def test_a_search_on_other_recordings_goes_on_from_its_answer(rubbed: list[Experiment]) -> None:

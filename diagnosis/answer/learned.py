@@ -22,8 +22,7 @@ from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, as_found, judge_of
-from zwidth.diagnosis.selection.slower import far_s
+from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, judge_of
 from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
@@ -100,12 +99,10 @@ class Asked:
             return
         best = tried.best
         with suppress(NoObserver):
-            horizon = far_s(best.experiments)
-            ahead = as_far_as(horizon, best.experiments)
-            far = independent(judged(best.experiments, best.model, best.x, ahead), horizon)
+            ahead = as_far_as(FAR_S, best.experiments)
+            family = independent(judged(best.experiments, best.model, best.x, ahead), FAR_S).family
             plain, best = (
-                settled(judged(h.experiments, h.model, h.x, far.family))
-                for h in (tried.plain, best)
+                settled(judged(h.experiments, h.model, h.x, family)) for h in (tried.plain, best)
             )
             yield replace(tried, plain=plain, best=best, tried={}, on_bounds={})
 

@@ -8,9 +8,9 @@ in one-step errors, in which the remainder of friction looks like slow noise. So
 repeated with noise that counts errors as far ahead as free runs go (`noise.family.as_far_as`), and
 the two answers are compared by the errors of their free runs over every horizon, stretch by
 stretch; the horizon with the clearest difference decides. Both searches are always made if the
-recordings have too few free runs to reject anything (half a second), if the answer's simulated
-repetitions run away, or if the longer horizon clearly prefers one more effect. If the chosen answer
-does not explain held-out data, the other is compared with it there (`answer.stands`).
+recordings have too few free runs to reject anything (half a second), or if the answer's simulated
+repetitions run away. If the chosen answer does not explain held-out data, the other is compared
+with it there (`answer.stands`).
 """
 
 import math
@@ -43,8 +43,8 @@ from zwidth.diagnosis.selection.search import (
     searched_on,
     two_at_once,
 )
-from zwidth.diagnosis.selection.slower import far_s
-from zwidth.diagnosis.settings import PURSUIT, VERDICT
+from zwidth.diagnosis.selection.slower import FAR_S
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import Device
 
 LEAST = 3  # hypotheses fitted over a longer horizon
@@ -129,7 +129,7 @@ def searched(
         return first
     if sound is not None and sound.sound:
         first = replace(first, held=True)
-        if sound.runs >= TELLING and not _more_ahead(near):
+        if sound.runs >= TELLING:
             return first
     return farther(device, first, say)
 
@@ -175,18 +175,6 @@ def _doubtful(near: Search) -> bool:
     return any(c.total < best.total and best.misfit - c.misfit > chance for c in more)
 
 
-def _more_ahead(near: Search) -> bool:
-    """Whether one more effect, not believed by the next sample, gains five sigma farther ahead.
-
-    The noise of a wrong law foretells its own errors, however large. (On a rig of four masses, a
-    command in coarse steps looked like noise of the force, in which friction, play and a pendulum
-    did not show from sample to sample; the answer, a constant force, erred as much as foretold.)
-    """
-    slower, best = near.slower, near.best
-    more = (h for h in near.tried.values() if one_more(h, best))
-    return slower is not None and any(slower.gain(h, best) > VERDICT.apart**2 for h in more)
-
-
 def _strays(found: Searched) -> bool:
     """Whether free runs err far beyond the noise of readings, which only chance would explain."""
     asked = partial(wandering, found.final, found.judge, found.problem.experiments)
@@ -213,8 +201,7 @@ def looking_far(near: Search) -> Hypothesis | None:
     None if no observer is possible there. Only this hypothesis decides how often errors count
     (`independent`): errors of missing physics are dependent too, and would count as chance.
     """
-    horizon = far_s(near.best.experiments)
-    ahead = as_far_as(horizon, near.best.experiments)
+    ahead = as_far_as(FAR_S, near.best.experiments)
     told: list[Hypothesis] = []
     for h in near.tried.values():
         with suppress(NoObserver):
@@ -224,7 +211,7 @@ def looking_far(near: Search) -> Hypothesis | None:
     if not ended:
         return None
     least = min(ended, key=lambda h: h.cost.misfit)
-    return independent(least, horizon)
+    return independent(least, FAR_S)
 
 
 def as_found(device: Device, found: Search) -> Searched:

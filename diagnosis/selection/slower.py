@@ -24,26 +24,16 @@ from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.noise.family import Family, as_far_as
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged
 from zwidth.diagnosis.settings import PURSUIT
 
-FAR_S, FAR_TICKS = 0.05, 20  # [s] and samples: the longer horizon, at least
+FAR_S = 0.05  # [s]: the longer horizon
 ROUNDS = 4  # of the descent before a comparison
-
-
-def far_s(experiments: Sequence[Experiment]) -> float:
-    """Return the longer horizon of recordings [s].
-
-    In so many samples: of a rig of four masses at 100 Hz, 50 ms are 5 samples, from which friction
-    and play are fitted no better than from the next one; from 20 they are found as they are.
-    """
-    return max(FAR_S, FAR_TICKS * experiments[0].period)
 
 
 @dataclass
 class Slower:
-    """The fits of hypotheses over the longer horizon, by structure; plain: without physics."""
+    """The fits of hypotheses over the horizon `FAR_S`, by structure; plain: without physics."""
 
     plain: Hypothesis
     family: Family | None = None
@@ -52,10 +42,6 @@ class Slower:
     def prefers(self, old: Hypothesis, new: Hypothesis) -> bool:
         """Whether `old` is clearly better than `new` over the horizon."""
         return self._apart(self._fit(new), self._fit(old))
-
-    def gain(self, new: Hypothesis, old: Hypothesis) -> float:
-        """Return by how much -2 ln likelihood over the horizon is less with `new`."""
-        return _cost(self._fit(old)) - _cost(self._fit(new))
 
     def first(self, believed: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Return hypotheses, in front the first that is not clearly worse than the best."""
@@ -103,10 +89,9 @@ class Slower:
         """A hypothesis with this horizon's noise, not fitted; None without an observer."""
         with suppress(NoObserver), reason("longer horizon"):
             if self.family is None:
-                horizon, bare = far_s(h.experiments), self.plain
-                far = as_far_as(horizon, h.experiments)
+                far, bare = as_far_as(FAR_S, h.experiments), self.plain
                 own = judged(bare.experiments, bare.model, bare.x, far)
-                self.family = independent(own, horizon).family
+                self.family = independent(own, FAR_S).family
             return judged(h.experiments, h.model, h.x, self.family, None, h.prices)
         return None
 
