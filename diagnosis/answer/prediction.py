@@ -7,12 +7,9 @@ the window nothing is corrected. An answer is judged on held-out data by the sam
 The prediction uses the answer, with a learned law only if the law is well known: a curve whose band
 is as wide as the curve is high (friction between the speeds at which a recording dwells) predicts
 nothing along another path. Without a law, the parameters are fitted once more by the error of free
-runs of three times the slowest time constant of the device. If such a fit to the first part errs
-less on the held-out rest, the prediction uses such a fit to all data. (On a device without a
-spring, a wrong offset of 0.1 N changes one sample by nothing and half a minute by a centimetre. But
-after three time constants it moves at 95 % of its final speed, and what longer runs add is the sum
-of random forces: on EMPS, fits by runs of 4 s and more gave a friction of 19.0 to 20.9 N on three
-pairs of thirds and on all of the training data, and by runs of 1 s 20.8 to 21.0 N.)
+runs as long as the recordings. If such a fit to the first part errs less on the held-out rest, the
+prediction uses such a fit to all data. (On a device without a spring, a wrong offset of 0.1 N
+changes one sample by nothing and half a minute by a centimetre.)
 
 Limits: influences known only for the recordings (forces from outside, a supply, a moving base, a
 change at some time, a value that depends on a temperature) do not act here. A sensor that folds
@@ -51,7 +48,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 LEAST = 10  # first readings needed
-TIME_CONSTANTS = 3.0  # after which a constant force moves a device at 95 % of its final speed
 KEPT = ("period", "outputs", "swing", "differenced", "folded")
 
 
@@ -98,7 +94,7 @@ def _is_known(law: "LearnedLaw | LearnedSurface") -> bool:
 
 
 def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | None:
-    """The same effects, fitted by free runs that are longer; None if no better."""
+    """The same effects, fitted by free runs as long as the recordings; None if no better."""
     firsts, final = found.problem.experiments, found.final
     pairs = list(zip(firsts, whole, strict=False))
     cut = len(firsts) == len(whole) and all(a.ticks < b.ticks for a, b in pairs)
@@ -109,10 +105,8 @@ def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | No
         for a, e in zip(firsts, whole, strict=True)
     ]
 
-    horizon = _remembers(final.model, final.x, max(e.ticks for e in whole) * whole[0].period)
-
     def fitted(to: Sequence[Experiment], model: Model, x: Floats) -> Searched:
-        family = as_far_as(horizon, to)
+        family = as_far_as(max(e.ticks for e in whole) * whole[0].period, to)
         h = settled(judged(to, model, x, family))
         return replace(found, final=replace(final, model=h.model, x=h.x))
 
@@ -127,13 +121,6 @@ def _by_long_runs(found: Searched, whole: Sequence[Experiment]) -> Searched | No
         if error(longer) < error(found):
             return fitted(whole, longer.final.model, longer.final.x)
     return None
-
-
-def _remembers(model: Model, x: Floats, most: float) -> float:
-    """Three times the slowest time constant of the linear part [s], at most `most`."""
-    rates = -np.linalg.eigvals(model.acting(x).plant().a).real
-    slowest = rates[rates > TIME_CONSTANTS / most].min(initial=np.inf)
-    return most if np.isinf(slowest) else TIME_CONSTANTS / float(slowest)
 
 
 def _refuse_corrected(faults: Sequence[Fault]) -> None:
