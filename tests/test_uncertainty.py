@@ -225,10 +225,9 @@ def test_an_interval_ends_where_no_other_parameter_leaves_its_bounds(seed: int) 
     root = random.standard_normal((4, 4)) * np.array([1.0, 1.0, 3.0, 10.0])
     spread = root @ root.T
     x = random.uniform(0.0, 1.0, 4)
-    bounds = np.zeros(4), np.full(4, np.inf)
     inverse = np.linalg.inv(spread)
     for sign in (-1.0, 1.0):
-        told = uncertainty._farthest(x, spread, 0, sign, bounds)  # pyright: ignore[reportPrivateUsage]
+        told = uncertainty._farthest(x, spread, 0, sign, np.zeros(4))  # pyright: ignore[reportPrivateUsage]
         free = [(None, None), *[(0.0, None)] * 3]
         within = NonlinearConstraint(
             lambda y: (y - x) @ inverse @ (y - x), -np.inf, uncertainty.Z95**2

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.model.parameters import Parameter
 
 Floats = NDArray[np.float64]
 DEAD = 1e-9  # of the largest slope
@@ -44,7 +45,9 @@ def spans(fitted: Fitted) -> Floats:
     If this is beyond the bound of another parameter k, x_k is held there: its distance d uses up
     d^2 / C_kk of 1.96^2, and the rest is known as if x_k was, C - C e_k e_k' C / C_kk. (If the rest
     position of a spring is not known, only the sum of the two levels of a friction by direction is.
-    But neither is below zero, so neither is above their sum.)
+    But neither is below zero, so neither is above their sum.) Only magnitudes and dampers have such
+    bounds: forces are proportional to them. A resonance without mass may have any stiffness, and
+    the quadratic form about a small mass does not know that.
     """
     parameters = fitted.model.parameters
     found = Z95 * np.repeat(standard_errors(fitted)[:, None], 2, axis=1)
@@ -52,30 +55,36 @@ def spans(fitted: Fitted) -> Floats:
     known = np.flatnonzero(np.isfinite(np.diag(spread)))
     x, spread = fitted.x[known], spread[np.ix_(known, known)]
     each = [parameters[j] for j in known]
-    lower = np.array([-np.inf if "lower" in p.walks else p.lower for p in each])
-    upper = np.array([np.inf if "upper" in p.walks else p.upper for p in each])
+    lower = np.array([p.lower if _is_amount(fitted, p) else -np.inf for p in each])
     for i, j in enumerate(known):
         if spread[i, i] > 0.0:
-            ends = (_farthest(x, spread, i, sign, (lower, upper)) for sign in (-1.0, 1.0))
+            ends = (_farthest(x, spread, i, sign, lower) for sign in (-1.0, 1.0))
             found[j] = [abs(end - x[i]) for end in ends]
     return found
 
 
-def _farthest(
-    x: Floats, spread: Floats, j: int, sign: float, bounds: tuple[Floats, Floats]
-) -> float:
+def _is_amount(fitted: Fitted, p: Parameter) -> bool:
+    """Whether forces are proportional to a parameter that is not below zero."""
+    if p.kind in ("damper", "link"):
+        return True
+    if p.kind != "effect" or "lower" in p.walks:
+        return False
+    declared = fitted.model.effects[p.index].effect.parameter(p.key)
+    return declared.role == "magnitude" and declared.neutral == declared.lower == 0.0
+
+
+def _farthest(x: Floats, spread: Floats, j: int, sign: float, lower: Floats) -> float:
     """The end of the interval of x_j at one side (`spans`)."""
-    lower, upper = bounds
     mean, spread, left = x.copy(), spread.copy(), Z95**2
     while True:
         end = mean + sign * np.sqrt(left / spread[j, j]) * spread[:, j]
         free = np.diag(spread) > 0.0
         free[j] = False
-        beyond = np.where(free, np.maximum(lower - end, end - upper), 0.0)
+        beyond = np.where(free, lower - end, 0.0)
         k = int(np.argmax(beyond / np.sqrt(np.where(free, np.diag(spread), 1.0))))
         if beyond[k] <= 0.0:
             return float(end[j])
-        d, own = np.clip(end[k], lower[k], upper[k]) - mean[k], spread[k, k]
+        d, own = lower[k] - mean[k], spread[k, k]
         left -= d**2 / own
         mean += spread[:, k] * d / own
         spread -= np.outer(spread[:, k], spread[:, k]) / own
