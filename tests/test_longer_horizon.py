@@ -1,6 +1,7 @@
 """The longer horizon is asked wherever the next sample's answer is not known to hold."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -60,3 +61,22 @@ def test_it_is_asked_where_nothing_is_foretold_refused_or_shown_by_enough_runs(
     found = searched(CART, [moved()], silent, QUICK)
     assert bool(far) is asked
     assert found.held is (how is not None and how.sound)
+
+
+@pytest.mark.parametrize(("gain", "doubtful"), [(1.0, False), (5.0, True), (-1.0, False)])
+def test_two_at_once_are_asked_where_one_more_gains_beyond_chance(
+    gain: float, doubtful: bool
+) -> None:
+    """Of three effects that are not there, the best gains 2 ln 3 = 2.2 by chance.
+
+    Mutation: whatever costs less.
+    """
+
+    def tried(misfit: float, *labels: str) -> Any:
+        cost = SimpleNamespace(misfit=misfit, total=misfit - 1.0 if len(labels) > 1 else misfit)
+        return SimpleNamespace(labels=frozenset(labels), cost=cost)
+
+    best = tried(0.0, "a@m1")
+    more = [tried(-gain, "a@m1", "b@m1"), *(tried(9.0, "a@m1", x) for x in ("c@m1", "d@m1"))]
+    near: Any = SimpleNamespace(best=best, tried={h.labels: h for h in (best, *more)})
+    assert module._doubtful(near) is doubtful  # pyright: ignore[reportPrivateUsage]

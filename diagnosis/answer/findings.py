@@ -161,9 +161,11 @@ def _together_clear(final: Fitted, index: int) -> bool:
         for j, p in enumerate(parameters)
         if p.kind == "effect" and p.index == index and p.key in none
     ]
+    if len(own) < 2:
+        return False
     gains = [j for j, p in enumerate(parameters) if p.kind == "gain"]
     spread = covariance_beside(final, gains)[np.ix_(own, own)]
-    if len(own) < 2 or not np.all(np.isfinite(spread)):
+    if not np.all(np.isfinite(spread)):
         return False
     each = [parameters[j] for j in own]
     off = np.array([(physics.values[p.key] - none[p.key]) / p.scale for p in each])

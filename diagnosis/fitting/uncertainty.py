@@ -64,7 +64,7 @@ def spans(fitted: Fitted) -> Floats:
 
 
 def _is_amount(fitted: Fitted, p: Parameter) -> bool:
-    """Whether forces are proportional to a parameter that is not below zero."""
+    """Whether forces are proportional to a parameter that has a lower bound: zero in most files."""
     if p.kind in ("damper", "link"):
         return True
     if p.kind != "effect" or "lower" in p.walks:

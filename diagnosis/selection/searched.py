@@ -247,7 +247,8 @@ def searched_through(found: Searched, experiments: Sequence[Experiment]) -> Sear
 def fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
     """Return the search on other recordings, with its cheapest hypotheses fitted to them.
 
-    Without changes, which belong to the recordings. Raises NoObserver if the refit has none there.
+    Changes of parameters are left out, since they belong to the earlier recordings. Raises
+    NoObserver if the refit without effects has none there.
     """
     every: list[Hypothesis] = []
     for h in before.tried.values():
@@ -261,7 +262,7 @@ def fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
     asked = [
         h for h in order if any(h is n for n in near[: before.effort.near]) or h.labels in kept
     ]
-    fits = (attempt("events", h.model.label, partial(settled, h)) for h in asked)
+    fits = (attempt("candidates", h.model.label, partial(settled, h)) for h in asked)
     done = [h for h in fits if h is not None and not h.against_physics]
     plain = next((h for h in done if h.labels == before.plain.labels), None)
     if plain is None:
