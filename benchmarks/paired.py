@@ -1,6 +1,6 @@
 """The paired set: the same recordings diagnosed by two versions of the code, pair by pair.
 
-    python -m benchmarks.paired make FOLDER [--seed N]               60 sealed recordings
+    python -m benchmarks.paired make FOLDER [--seed N]               100 sealed recordings
     python -m benchmarks.paired sit FOLDER TABLE.json                diagnose them all
         [--code CHECKOUT] [--only r0001 ...] [--limit 900] [--machines RECORDINGS [NAME ...]]
     python -m benchmarks.paired compare BEFORE.json AFTER.json       what is worse, what is better
@@ -10,8 +10,8 @@ A change to the diagnosis is judged on all of it. Each recording is one `zwidth 
 everything that it writes, in a process of its own; CPU seconds are those of all its threads.
 `--code` takes another checkout's `zwidth`, so that the version before is asked the same question.
 A table is added to: what is in it is not diagnosed again. `--machines` diagnoses the machines of
-`docs/machines` too, from the folder that has their published files. Another `--seed` makes 60 of
-the same classes that no search was developed on.
+`docs/machines` too, from the folder that has their published files. Another `--seed` makes 100
+of the same classes that no search was developed on.
 
 A pair is worse where a concealed effect is no longer named or in a class that is, where something
 is claimed that was not before, or where an answer that was right is no answer any more.
@@ -45,6 +45,7 @@ SEED = 20261126
 SETS = (
     ("none=7,single_2x=5,single_5x=7,single_any=6,two_5x=8,three_5x=6,unknown=5", 6.0, 0),
     ("rigs=11,outside=5", 8.0, 1),
+    ("laboratory=20,mujoco=20", 8.0, 2),
 )
 CLEAN = ("nothing_missing", "linear_parameters")  # verdicts that say that no physics is missing
 LIMIT = 900.0  # CPU s after which a diagnosis is ended, and is no answer
@@ -221,7 +222,7 @@ def worse(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     if after["verdict"] == "none" != before["verdict"]:
         found.append("no answer")
     if (
-        before.get("stratum") == "none"
+        before.get("stratum") in ("none", "laboratory")
         and before["verdict"] in CLEAN
         and (after["verdict"] not in CLEAN)
     ):
@@ -283,7 +284,7 @@ def show(table: Mapping[str, Any]) -> None:
         )
     sure = [row for row in rows if row["verdict"] == "identified"]
     wrong = sum(bool(row["claims"]) or not all(row["concealed"].values()) for row in sure)
-    clean = [row for row in rows if row["stratum"] == "none"]
+    clean = [row for row in rows if row["stratum"] in ("none", "laboratory")]
     quiet = sum(row["verdict"] in CLEAN for row in clean)
     inside = [so for row in rows for so in row["inside"]]
     linear = [so for row in rows for so in row.get("linear_inside", {}).values()]

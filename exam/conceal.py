@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from zwidth.exam.by_mujoco import BY_MUJOCO
 from zwidth.exam.drawing import draw
+from zwidth.exam.laboratory import draw_laboratory
 from zwidth.exam.outsiders import draw_outsider
 from zwidth.exam.rigs import draw_rig
-from zwidth.exam.strata import OUTSIDE, RIGS, STRATA
+from zwidth.exam.strata import LABORATORY, MUJOCO, OUTSIDE, RIGS, STRATA
 from zwidth.exam.subject import Subject
 from zwidth.files.protection import check, reading
 from zwidth.files.whole import write_text
@@ -111,6 +113,10 @@ def drawn(order: Order) -> Subject:
     stratum = STRATA[order.stratum]
     if stratum.kind == RIGS:
         return draw_rig(order.seed, order.index, seconds=order.seconds)
+    if stratum.kind == MUJOCO:
+        return draw_rig(order.seed, order.index, seconds=order.seconds, engine=BY_MUJOCO)
+    if stratum.kind == LABORATORY:
+        return draw_laboratory(order.seed, order.index, order.seconds)
     if stratum.kind == OUTSIDE:
         return draw_outsider(order.seed, order.index, order.seconds)
     return draw(stratum, order.seed, order.index, order.rank, order.seconds).subject()

@@ -5,6 +5,7 @@ the difference of such counts over a period, possibly through a first-order low-
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -84,13 +85,18 @@ def steps_a_tick(period: float) -> int:
     return max(FEWEST, math.ceil(period / STEP_S - 1e-9))
 
 
+def streams(scene: Scene) -> list[np.random.Generator]:
+    """Return random numbers for lost commands, process, the encoder, and each output."""
+    # One stream for each use, so that one use more changes no other.
+    seeds = np.random.SeedSequence(scene.seed).spawn(3 + len(scene.camera.outputs))
+    return [np.random.default_rng(seed) for seed in seeds]
+
+
 def film(scene: Scene) -> Made:
     """Return the recording; raises RunAway if the machine leaves all bounds."""
     device, camera, playing = scene.device, scene.camera, scene.playing
     period, ticks = device.interface.period, playing.wanted.size
-    # One stream of random numbers for each use, so that one use more changes no other.
-    seeds = np.random.SeedSequence(scene.seed).spawn(3 + len(camera.outputs))
-    lost, process, reading, *others = (np.random.default_rng(seed) for seed in seeds)
+    lost, process, reading, *others = streams(scene)
     drops = lost.random(ticks) < lost_rate(device)
     force, late = camera.process * process.standard_normal(ticks), np.zeros(ticks)
     steps = steps_a_tick(period)
@@ -103,26 +109,47 @@ def film(scene: Scene) -> Made:
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
         raise RunAway(f"the simulated motion diverges after {done} ticks; conceal something weaker")
+
+    def read(moving: bool, mass: int) -> Floats | None:
+        column = int(truth.reads[int(moving), mass])
+        return None if column == truth.reads[0, 0] else states[:, column]
+
+    run = Run(truth, period, steps, commands, late, drops, force)
+    chain = np.hstack([states[:, :n], states[:, truth.masses.size :][:, :n]])
+    trace = recorded(scene, commands, y, read, others)
+    return Made(trace, np.ascontiguousarray(chain), drops, run)
+
+
+def recorded(
+    scene: Scene, commands: Floats, y: Floats, read: Callable[[bool, int], Floats | None],
+    others: Sequence[np.random.Generator],
+) -> Trace:  # fmt: skip
+    """Return what a scene's camera makes of a motion.
+
+    commands, y (ticks,): as given, and as the encoder counted. read: of a mass, the position that
+    a channel counts (ticks,), or of which it tells the rate; None if it is the encoder's. others:
+    random numbers for each output.
+    """
+    device, camera = scene.device, scene.camera
+    period, step = device.interface.period, device.interface.encoder_step
     channels = {"command": commands}
     length, unit = ("rad", "N m") if device.rotary else ("m", "N")
     units = {"command": unit}
     for name, stream in zip(camera.outputs, others, strict=True):
-        mass = int(name[-1]) - 1
         moving = name.startswith("velocity")
-        read = int(truth.reads[int(moving), mass])
-        counted = y
-        if read != truth.reads[0, 0]:
-            noisy = states[:, read] + camera.reading * stream.standard_normal(ticks)
-            counted = _counted(noisy, device.interface.encoder_step)
-        channels[name] = _rate(counted, period, camera.cutoff_hz) if moving else counted
+        position = read(moving, int(name[-1]) - 1)
+        if position is None:
+            counts = y
+        else:
+            counts = counted(position + camera.reading * stream.standard_normal(y.size), step)
+        channels[name] = _rate(counts, period, camera.cutoff_hz) if moving else counts
         units[name] = f"{length}/s" if moving else length
-    t = np.arange(ticks, dtype=np.float64) * period
-    run = Run(truth, period, steps, commands, late, drops, force)
-    chain = np.hstack([states[:, :n], states[:, truth.masses.size :][:, :n]])
-    return Made(Trace(t, channels, units, "recorded"), np.ascontiguousarray(chain), drops, run)
+    t = np.arange(y.size, dtype=np.float64) * period
+    return Trace(t, channels, units, "recorded")
 
 
-def _counted(position: Floats, step: float) -> Floats:
+def counted(position: Floats, step: float) -> Floats:
+    """Return positions in whole steps of an encoder, half a step away from zero."""
     if step == 0.0:
         return position
     return step * np.sign(position) * np.floor(np.abs(position) / step + 0.5)

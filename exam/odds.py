@@ -6,6 +6,8 @@ the machine: forces of the rms command, a limit of the largest one, free play of
 mass of all masses.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 
 from zwidth.diagnosis.seeking.magnitude import strengthened, within_bounds
@@ -20,13 +22,14 @@ DRAWN_AT = 0.01  # the share at which `draw_physics` draws
 
 
 def choose(
-    random: np.random.Generator, device: Device, taken: list[tuple[str, str]]
-) -> tuple[str, str] | None:
-    """Return an effect and a place compatible with those chosen already, or None."""
+    random: np.random.Generator, device: Device, taken: list[tuple[str, str]],
+    among: Collection[str] = tuple(EFFECTS),
+) -> tuple[str, str] | None:  # fmt: skip
+    """Return one of these effects and a place compatible with those chosen already, or None."""
     possible: dict[str, list[str]] = {}
     masses = device.chain.masses.size + sum(EFFECTS[name].adds_mass for name, _ in taken)
     for name, at in places(device):
-        if not EFFECTS[name].odds or not has_room(EFFECTS[name], masses):
+        if name not in among or not EFFECTS[name].odds or not has_room(EFFECTS[name], masses):
             continue
         if not any(clash((name, at), other) for other in taken):
             possible.setdefault(name, []).append(at)

@@ -10,10 +10,9 @@ import numpy as np
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import ExperimentError
 from zwidth.diagnosis.seeking.magnitude import magnitude
-from zwidth.exam.filming import film
 from zwidth.exam.machines import log_uniform
 from zwidth.exam.odds import SHARES, choose, sized
-from zwidth.exam.stages import Stage, device_file, draw_stage
+from zwidth.exam.stages import OWN, Engine, Stage, device_file, draw_stage
 from zwidth.exam.subject import Present, Subject
 from zwidth.exam.visible import standing
 from zwidth.scenarios.concealed.rig import Made, RunAway
@@ -24,26 +23,26 @@ CLEAN_SHARE = 0.15
 MOST_EFFECTS = 5
 VISIBLE = 25.0  # sigma, without any one effect
 TRIES, REDRAWN = 100, 6
-STREAM = 17  # tells these seeds from those of other recordings
 FAILURES = (RunAway, NoObserver, ExperimentError)  # with which another rig is drawn
 
 Sized = list[tuple[Physics, float]]
 
 
 def draw_rig(
-    seed: int, index: int, effects: int | None = None, seconds: float | None = None
-) -> Subject:
+    seed: int, index: int, effects: int | None = None, seconds: float | None = None,
+    engine: Engine = OWN,
+) -> Subject:  # fmt: skip
     """Return rig number `index` of a seed.
 
     effects: how many it has, drawn where None (none in a clean share, else one to five equally
-    often). seconds: length of each recording, drawn from 6 to 30 s where None. Raises ValueError
-    where no rig was found that shows so many.
+    often). seconds: length of each recording, drawn from 6 to 30 s where None. engine: what moves
+    it. Raises ValueError where no rig was found that shows so many.
     """
-    random = np.random.default_rng([seed, index, STREAM])
+    random = np.random.default_rng([seed, index, engine.stream])
     count = _count(random) if effects is None else effects
     for _ in range(TRIES):
         try:
-            found = _try(random, count, seconds)
+            found = _try(random, count, seconds, engine)
         except FAILURES:
             continue
         if found is not None:
@@ -57,8 +56,10 @@ def _count(random: np.random.Generator) -> int:
     return int(random.integers(1, MOST_EFFECTS + 1))
 
 
-def _try(random: np.random.Generator, count: int, seconds: float | None) -> Subject | None:
-    stage = draw_stage(random, seconds)
+def _try(
+    random: np.random.Generator, count: int, seconds: float | None, engine: Engine
+) -> Subject | None:
+    stage = draw_stage(random, seconds, engine)
     found = None if stage is None else with_effects(random, stage, count)
     if stage is None or found is None:
         return None
@@ -68,8 +69,8 @@ def _try(random: np.random.Generator, count: int, seconds: float | None) -> Subj
     physics = [make_physics(h.effect, h.at, **h.values) for h in hidden]
     truth = stage.machine.device.with_physics(*physics)
     return Subject(
-        "rigs", traces[: stage.fitted], traces[stage.fitted :], nominal, truth, hidden, kind,
-        stage.about(),
+        engine.stratum, traces[: stage.fitted], traces[stage.fitted :], nominal, truth, hidden,
+        kind, stage.about(),
     )  # fmt: skip
 
 
@@ -85,7 +86,10 @@ def with_effects(
         if not _filled(random, stage, found, count):
             return None
         physics = [p for p, _ in found]
-        made = [film(s) for s in stage.with_physics(physics)]
+        if not stage.engine.whole(stage.machine.device.with_physics(*physics)):
+            found = []
+            continue
+        made = [stage.engine.film(s) for s in stage.with_physics(physics)]
         sigmas = standing(stage.machine.device, physics, stage.seen(made), stage.noise, VISIBLE)
         if all(s >= VISIBLE for s in sigmas):
             return made, _present(stage, found, sigmas)
@@ -99,7 +103,9 @@ def _filled(random: np.random.Generator, stage: Stage, found: Sized, count: int)
         if len(found) == count:
             break
         device = stage.machine.device
-        chosen = choose(random, device, [(p.effect.name, p.at) for p, _ in found])
+        chosen = choose(
+            random, device, [(p.effect.name, p.at) for p, _ in found], stage.engine.effects
+        )
         if chosen is None:
             return False
         share = log_uniform(random, *SHARES)

@@ -3,7 +3,7 @@
 A third of them come as two recordings at different levels, a third with a further one to judge by.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,12 +13,14 @@ from zwidth.diagnosis.recording.experiment import Experiment, experiment
 from zwidth.exam.filming import Scene, draw_camera, film
 from zwidth.exam.machines import Machine, draw_machine, guessed, log_uniform
 from zwidth.exam.playing import draw_playing
+from zwidth.exam.strata import RIGS
 from zwidth.exam.visible import refitted
 from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.integrator import NO_LAWS
 from zwidth.scenarios.concealed.rig import Floats, Made
 from zwidth.scenarios.concealed.shapes import Motion, motion_of
 from zwidth.sim.device import Device
+from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 
 SHORTEST, LONGEST = 6.0, 30.0  # s
@@ -30,10 +32,29 @@ LEAST_STEPS = 15.0  # of the encoder, rms: what moves less shows little but its 
 
 
 @dataclass(frozen=True)
+class Engine:
+    """What moves and records rigs.
+
+    stratum: of its rigs; stream: tells their seeds from those of others; effects: that it has;
+    whole: whether it has all that a device has.
+    """
+
+    stratum: str
+    stream: int
+    machine: Callable[[np.random.Generator], Machine]
+    film: Callable[[Scene], Made]
+    effects: Collection[str]
+    whole: Callable[[Device], bool]
+
+
+OWN = Engine(RIGS, 17, draw_machine, film, frozenset(EFFECTS), lambda _: True)
+
+
+@dataclass(frozen=True)
 class Stage:
     """A machine, its scenes to fit and then those to judge by, and how it moves in the first.
 
-    levels: of the scenes, over that of the first.
+    levels: of the scenes, over that of the first; engine: what moves it.
     """
 
     machine: Machine
@@ -41,6 +62,7 @@ class Stage:
     fitted: int
     levels: tuple[float, ...]
     first: Made
+    engine: Engine = OWN
 
     @property
     def motion(self) -> Motion:
@@ -79,12 +101,14 @@ class Stage:
         }
 
 
-def draw_stage(random: np.random.Generator, seconds: float | None) -> Stage | None:
+def draw_stage(
+    random: np.random.Generator, seconds: float | None, engine: Engine = OWN
+) -> Stage | None:
     """Return a machine that plays; None if it hardly moves its encoder.
 
     seconds: length of each recording, drawn where None. Raises RunAway if it leaves all bounds.
     """
-    machine = draw_machine(random)
+    machine = engine.machine(random)
     two, validated = random.random() < TWO_SHARE, random.random() < VALIDATED_SHARE
     duration = seconds or log_uniform(random, SHORTEST, LONGEST)
     playing = draw_playing(random, machine, duration)
@@ -98,7 +122,7 @@ def draw_stage(random: np.random.Generator, seconds: float | None) -> Stage | No
         playings.append(again.louder(levels[-1]))
     seeds = [int(random.integers(2**62)) for _ in playings]
     scenes = [Scene(machine.device, p, camera, s) for p, s in zip(playings, seeds, strict=True)]
-    first = film(replace(scenes[0], camera=replace(camera, process=0.0)))
+    first = engine.film(replace(scenes[0], camera=replace(camera, process=0.0)))
     size = float(np.sqrt(np.mean(first.trace["command"] ** 2)))
     step = machine.device.interface.encoder_step
     if np.std(first.states[:, 0]) < LEAST_STEPS * step:
@@ -106,7 +130,7 @@ def draw_stage(random: np.random.Generator, seconds: float | None) -> Stage | No
     camera = replace(camera, process=camera.process * size)
     return Stage(
         machine, tuple(replace(s, camera=camera) for s in scenes), 1 + int(two), tuple(levels),
-        first,
+        first, engine,
     )  # fmt: skip
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 class Stratum:
     """A class of recordings.
 
-    kind: "limit", "rigs" or "outside". At the limit, effects: how many are concealed, at magnitudes
-    log-uniform from least to most times the information limit; outside: it is one that is in no
-    library; share: of all recordings, where no numbers are asked for.
+    kind: one of KINDS, by which it is marked. At the limit, effects: how many are concealed, at
+    magnitudes log-uniform from least to most times the information limit; outside: it is one that
+    is in no library; share: of all recordings, where no numbers are asked for.
     """
 
     name: str
@@ -23,7 +23,8 @@ class Stratum:
     kind: str = "limit"
 
 
-RIGS, OUTSIDE = "rigs", "outside"
+RIGS, OUTSIDE, LABORATORY, MUJOCO = "rigs", "outside", "laboratory", "mujoco"
+KINDS = ("limit", RIGS, OUTSIDE, LABORATORY, MUJOCO)
 STRATA: Mapping[str, Stratum] = {
     s.name: s
     for s in (
@@ -35,6 +36,8 @@ STRATA: Mapping[str, Stratum] = {
         Stratum("three_5x", "three effects at 5 times", 3, 5.0, 5.0, share=0.08),
         Stratum("unknown", "physics in no library, 5 to 50 times", 1, 5.0, 50.0, True, share=0.08),
         Stratum(RIGS, "a rig at full size, none to five effects", 5, kind=RIGS),
+        Stratum(LABORATORY, "nothing concealed, recorded as laboratories do", 0, kind=LABORATORY),
+        Stratum(MUJOCO, "a rig moved by MuJoCo, none to five effects", 5, kind=MUJOCO),
         Stratum(OUTSIDE, "a random law without a name", 1, outside=True, kind=OUTSIDE),
     )
 }

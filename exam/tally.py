@@ -11,8 +11,8 @@ from zwidth.exam.calibration import calibration
 from zwidth.exam.mark import Mark, Marked
 from zwidth.exam.perfect import HeldOut
 from zwidth.exam.share import share
-from zwidth.exam.strata import OUTSIDE, RIGS, STRATA
-from zwidth.exam.tally_rigs import SILENT, adequacy, held_out, outside, rigs
+from zwidth.exam.strata import KINDS, LABORATORY, MUJOCO, OUTSIDE, RIGS, STRATA
+from zwidth.exam.tally_rigs import adequacy, clean, held_out, outside, rigs
 
 BINS = (1.0, 1.5, 3.0, 5.0, 10.0, 30.0, 100.1)  # times the limit
 NOTHING, UNKNOWN = "nothing", "unknown"
@@ -20,13 +20,20 @@ NOTHING, UNKNOWN = "nothing", "unknown"
 
 def tally(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     """Return the JSON of `zwidth exam`; fits: recording -> its held-out errors."""
-    by_kind = {kind: [m for m in marks if m.kind == kind] for kind in ("limit", RIGS, OUTSIDE)}
+    by_kind = {kind: [m for m in marks if m.kind == kind] for kind in KINDS}
     stated = {kind: [s for m in found for s in m.stated] for kind, found in by_kind.items()}
     return {
         "recordings": len(marks),
         **_at_limit(by_kind["limit"], fits),
         "rigs": rigs(by_kind[RIGS], fits),
         "outside": outside(by_kind[OUTSIDE], fits),
+        "laboratory": clean(by_kind[LABORATORY])
+        | {
+            "coverage_linear": share(
+                ok for m in by_kind[LABORATORY] for ok in m.linear.values()
+            ).as_json()
+        },
+        "mujoco": rigs(by_kind[MUJOCO], fits),
         "adequacy": adequacy(marks, fits),
         "calibration": {
             **calibration([s for kind in stated.values() for s in kind]),
@@ -41,7 +48,7 @@ def _at_limit(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, A
     by_class = {name: [m for m in marks if m.stratum == name] for name in STRATA}
     single = [m for m in marks if m.stratum.startswith("single")]
     none, unknown = by_class["none"], by_class["unknown"]
-    false = share(m.verdict not in SILENT for m in none)
+    silent = clean(none)
     inside = [ok for m in marks for e in m.effects for ok in e.inside.values()]
     coverage, linear = share(inside), share(ok for m in marks for ok in m.linear.values())
     return {
@@ -50,11 +57,7 @@ def _at_limit(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, A
             for name, found in by_class.items()
             if found and STRATA[name].effects and not STRATA[name].outside
         },
-        "none": {
-            "recordings": len(none),
-            "false_claims": false.as_json(),
-            "claimed": sorted(m.first or m.verdict for m in none if m.verdict not in SILENT),
-        },
+        "none": silent,
         "unknown": {
             "recordings": len(unknown),
             "said_so": share(m.verdict == "unknown_physics" for m in unknown).as_json(),
@@ -66,7 +69,7 @@ def _at_limit(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, A
         },
         "by_effect": _by_effect(single),
         "by_magnitude": _by_magnitude(single),
-        "false_claims": false.share,
+        "false_claims": silent["false_claims"]["share"],
         "extra_claims": share(bool(m.claims) for m in marks if m.effects).as_json(),
         "coverage": coverage.share,
         "coverage_counts": coverage.as_json(),

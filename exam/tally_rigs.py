@@ -15,7 +15,7 @@ NEARLY = 1.5  # times the error that the truth leaves, up to which an answer is 
 
 def rigs(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     """Return the statistics of rigs at full size; fits: recording -> its held-out errors."""
-    clean = [m for m in marks if not m.effects]
+    bare = [m for m in marks if not m.effects]
     full = [m for m in marks if m.effects]
     effects = [e for m in full for e in m.effects]
     play = [e for e in effects if e.effect == PLAY]
@@ -53,13 +53,18 @@ def rigs(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
         "coverage": share(ok for e in effects for ok in e.inside.values()).as_json(),
         "coverage_linear": share(ok for m in marks for ok in m.linear.values()).as_json(),
         "held_out": held_out(full, fits),
-        "clean": {
-            "recordings": len(clean),
-            "nothing_missing": share(m.verdict == "nothing_missing" for m in clean).as_json(),
-            "false_claims": share(m.verdict not in SILENT for m in clean).as_json(),
-            "claimed": sorted(m.first or m.verdict for m in clean if m.verdict not in SILENT),
-        },
+        "clean": clean(bare)
+        | {"nothing_missing": share(m.verdict == "nothing_missing" for m in bare).as_json()},
         "verdicts": dict(Counter(m.verdict for m in marks)),
+    }
+
+
+def clean(marks: Sequence[Mark]) -> dict[str, Any]:
+    """Return how often something was claimed where nothing is concealed, and what."""
+    return {
+        "recordings": len(marks),
+        "false_claims": share(m.verdict not in SILENT for m in marks).as_json(),
+        "claimed": sorted(m.first or m.verdict for m in marks if m.verdict not in SILENT),
     }
 
 

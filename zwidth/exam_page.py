@@ -6,6 +6,7 @@ from typing import Any
 from zwidth.exam_sections import (
     calibration_section,
     held_out_line,
+    laboratory_section,
     outside_section,
     ratio,
     rig_section,
@@ -40,7 +41,11 @@ def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[s
             _misses([m for m in found["marks"] if m["kind"] == "limit"]),
         ]
     if found["rigs"]["recordings"]:
-        parts.append(rig_section(found["rigs"]))
+        parts.append(rig_section(found["rigs"], "Rigs at full size"))
+    if found["mujoco"]["recordings"]:
+        parts.append(rig_section(found["mujoco"], "Rigs that MuJoCo moved"))
+    if found["laboratory"]["recordings"]:
+        parts.append(laboratory_section(found["laboratory"]))
     if found["outside"]["recordings"]:
         parts.append(outside_section(found["outside"]))
     if found["calibration"]["statements"]:
@@ -51,7 +56,8 @@ def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[s
 
 def _at_limit(found: Mapping[str, Any]) -> int:
     """Return how many recordings are of classes at the limit."""
-    return found["recordings"] - found["rigs"]["recordings"] - found["outside"]["recordings"]
+    beside = ("rigs", "mujoco", "laboratory", "outside")
+    return found["recordings"] - sum(found[kind]["recordings"] for kind in beside)
 
 
 def _head(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
@@ -61,6 +67,8 @@ def _head(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
         for count, what in (
             (limit, "recordings at the limit"),
             (rigs["recordings"], "rigs at full size"),
+            (found["mujoco"]["recordings"], "rigs that MuJoCo moved"),
+            (found["laboratory"]["recordings"], "machines as laboratories record them"),
             (outside["recordings"], "subjects with an unnamed law"),
         )
         if count
@@ -171,6 +179,14 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
         covers("rigs: 95 % intervals of effects contain the truth", rigs["coverage"])
         near("rigs, held-out free run: median share of the improvement with the true device",
              rigs["held_out"]["share"])  # fmt: skip
+    if found["mujoco"]["recordings"]:
+        least("rigs of MuJoCo: every effect found at its place, or among those named",
+              found["mujoco"]["all_named"], RIG_NAMED)  # fmt: skip
+        most("rigs of MuJoCo: wrong ones among those `identified`",
+             found["mujoco"]["identified_and_wrong"], RIG_WRONG)  # fmt: skip
+    if found["laboratory"]["recordings"]:
+        most("recorded as laboratories do, nothing concealed: an effect claimed",
+             found["laboratory"]["false_claims"], FALSE)  # fmt: skip
     if outside["recordings"]:
         least("unnamed laws: `unknown_physics`, or rightly adequate", outside["right"], UNKNOWN)
         most("unnamed laws: a confident wrong name", outside["confident_wrong"], CONFIDENT)

@@ -24,6 +24,7 @@ from zwidth.sim.device_file import device_to_text
 from zwidth.sim.trace import Trace
 
 DIGITS = "%.10g"
+TIME = "time"  # the channel of stamps, where a recording has them
 VALIDATION = "validation"
 PARTS: Mapping[str, str] = {"recording": "", "second": "_2", VALIDATION: "_validation"}
 """What is recorded of one device, by the ending of its files' names; all but the first may lack."""
@@ -82,13 +83,14 @@ def write_descriptions(
 ) -> None:
     """Write the recording TOML of each part, which carries the seal."""
     for part, trace in traces.items():
-        outputs = [channel for channel in trace.channels if channel != "command"]
+        outputs = [channel for channel in trace.channels if channel not in ("command", TIME)]
+        clock = {"time": TIME} if TIME in trace.channels else {"period_s": device.interface.period}
         top = {
             "schema": 1,
             "file": data_file(folder, name, part).name,
             "source": f"recording {name}, {MARK}{sealed}",
             "rotary": device.rotary,
-            "period_s": device.interface.period,
+            **clock,
             "input": {"signal": "command"},
             "output": [
                 {"signal": c, "quantity": c.partition("_")[0], "at": c.partition("_")[2]}
