@@ -1,5 +1,6 @@
 """Descent in lanes, whole hypotheses, and the search that moves between them."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,6 +16,8 @@ from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.account import keeping
 from zwidth.diagnosis.answer.findings import (
     elsewhere,
+    linear,
+    linear_elsewhere,
     probability,
     rivals,
     shares,
@@ -25,7 +28,7 @@ from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import collecting, silent
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.model.parameters import Model, values_of
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.places import open_places, starts_at
@@ -54,6 +57,7 @@ from zwidth.diagnosis.selection.search import (
     look_for_valleys,
     search,
 )
+from zwidth.diagnosis.selection.searched import as_found
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -236,6 +240,64 @@ def test_an_interval_holds_what_other_effects_would_make_of_a_value(
     assert 0.0 < both < 0.5
     spread = elsewhere(found, shares(found), "coulomb_friction@m1")["level"]
     assert spread == pytest.approx(both * moved**2, rel=1e-3)
+
+
+def test_a_linear_parameter_is_as_uncertain_as_what_the_device_has(
+    rubbed: list[Experiment],
+) -> None:
+    """Friction at the load instead of the motor, as good, moves an inertia: its interval says so.
+
+    Mutation: `among` left out of `linear`, so that the interval is that of the best alone.
+    """
+    right = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
+    found = search(drive(), rubbed, QUICK, moves=only(right))
+    best = found.best
+    load = make_physics("coulomb_friction", "m2", level=0.02)
+    other = replace(best, model=found.plain.model.with_effect(load, {"level": 0.02}),
+                    x=np.where(np.arange(best.x.size) == 0, best.x + 0.5, best.x))  # fmt: skip
+    found.tried[other.labels] = other
+    share = shares(found)[other.labels]
+    assert 0.1 < share < 0.6
+    off = values_of(other.model, other.x)["m1"] - values_of(best.model, best.x)["m1"]
+    among = linear_elsewhere(found)
+    assert among["m1"] == pytest.approx(share * off**2, rel=1e-6)
+    assert among["m2"] == pytest.approx(0.0, abs=1e-12)
+    final = as_found(drive(), found).final
+    own, wider = (linear(drive(), final, rubbed, a)["m1"][1] for a in (None, among))
+    half, more = wider.upper - wider.value, own.upper - own.value
+    assert half == pytest.approx(math.hypot(more, 1.96 * math.sqrt(among["m1"])), rel=1e-3)
+    assert wider.value == own.value
+    assert half > 1.9 * math.sqrt(share) * abs(off)
+
+
+def test_two_effects_may_both_be_elsewhere(rubbed: list[Experiment]) -> None:
+    """A pendulum and a constant force, both at the motor or both at the load: each is a rival.
+
+    Mutation: only structures that differ in one effect, in which neither is.
+    """
+    right = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
+    found = search(drive(), rubbed, QUICK, moves=only(right))
+
+    def with_both(at: str, friction: str = "m1") -> Hypothesis:
+        model = found.plain.model
+        for physics in (
+            make_physics("gravity_pendulum", at, level=0.02, angle=0.1),
+            make_physics("constant_force", at, level=0.02),
+            make_physics("coulomb_friction", friction, level=0.02),
+        ):
+            model = model.with_effect(physics, {"level": 0.02})
+        x = np.zeros(len(model.parameters))
+        return replace(found.best, model=model, x=x)
+
+    found.best, there = with_both("m1"), with_both("m2")
+    dearer = replace(with_both("m2", "m2"), cost=replace(there.cost, rarity=there.cost.rarity - 9))
+    for h in (found.best, there, dearer):  # of the last, three effects are elsewhere
+        found.tried[h.labels] = h
+    for law in ("gravity_pendulum", "constant_force"):
+        (rival,) = rivals(found, shares(found), f"{law}@m1")
+        assert (rival.effect, rival.at) == (law, "m2")
+        assert rival.separation_sigma == pytest.approx(0.0, abs=1e-6)
+    assert not rivals(found, shares(found), "coulomb_friction@m1")
 
 
 def test_gains_are_those_of_each_stretch(rubbed: list[Experiment]) -> None:

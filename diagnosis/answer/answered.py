@@ -14,7 +14,12 @@ from zwidth.diagnosis.answer.band import with_band
 from zwidth.diagnosis.answer.changes import Change, outlived
 from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
 from zwidth.diagnosis.answer.events import CONTACTS, Event
-from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
+from zwidth.diagnosis.answer.findings import (
+    all_findings,
+    linear,
+    linear_elsewhere,
+    upper_bounds,
+)
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
@@ -72,7 +77,9 @@ def answered(
     seen = weighed(all_findings(device, taken, found), by, judge_by)
     negligible = tuple(f for f in seen if may_be_nothing(f))
     findings = tuple(f for f in seen if f not in negligible)
-    intervals = partial(linear, device, found.final, taken.whole)
+    structures = partial(linear_elsewhere, found.tried)
+    among = attempt("intervals", "over the structures", structures)
+    intervals = partial(linear, device, found.final, taken.whole, among)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
     drawn = partial(_drawn_runs, device, by, fitted, judge_by)
@@ -89,7 +96,7 @@ def answered(
         law, instead, halted = _law(device, stands, facts, say)
     facts = replace(facts, law=law, instead=instead)
     if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS:
-        # No hypothesis that was fitted is then true, so their shares are no probabilities.
+        # No fitted hypothesis is then true, so their shares are not probabilities.
         gone = law.curve.replaced if law is not None and instead else ()
         kept = (f for f in findings if f"{f.effect} at {f.at}" not in gone)
         findings = tuple(f.without_probability() for f in kept)

@@ -1,7 +1,7 @@
 """Findings of an answer: values with intervals, rival effects, detection limits."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -55,7 +55,7 @@ UNITS = {
     "zero": ("rad", "m"),
 }  # fmt: skip
 SAME_STEP = 0.01  # relative difference of steps that are the same
-NOTICED = 0.1  # of the noise: a step below is a way to write numbers
+NOTICED = 0.1  # of the noise: a smaller step is only the rounding of written numbers
 
 
 def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
@@ -65,7 +65,7 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
         steps = _encoder(device, found, taken.whole, taken.faults)
         findings = findings if steps is None else (*findings, steps)
     if taken.folded > 1.0:
-        # n samples whose deviation is a factor larger without it
+        # Without the unfolding, the deviation of n samples is larger by this factor.
         ticks = sum(e.ticks for e in taken.fit_on)
         sigma = float(np.sqrt(2.0 * ticks * np.log(taken.folded)))
         findings = (Finding("rectified_sensor", "sensor", {}, sigma, ()), *findings)  # found first
@@ -138,7 +138,7 @@ def _estimates(
             name, value = p.key, value + scale * float(x[j])
             other = Z95 * math.hypot(math.sqrt(among.get(p.key, 0.0)), EVIDENCE.finest * value)
             half = tuple(math.hypot(abs(scale) * float(r), other) for r in reach[j])
-        else:  # what recordings have of their own
+        else:  # a value of its own in some recordings
             name = f"{target.key} in {p.name.partition(' in ')[2]}"
             way = np.zeros(x.size)
             way[[j, p.index]] = scale
@@ -189,8 +189,8 @@ def _encoder(
 ) -> Finding | None:
     """The encoder's step that the samples themselves show, if the device file has none.
 
-    Values that are no counts would all lie within `INTAKE.whole` of a lattice with a probability of
-    (2 whole)^n: this gives the sigma. A step far below the noise is not physics.
+    Values that are not counts would all lie within `INTAKE.whole` of a lattice with a probability
+    of (2 whole)^n: this gives the sigma. A step far below the noise is not physics.
     """
     position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
@@ -225,9 +225,15 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 
 
 def linear(
-    device: Device, final: Fitted, experiments: Sequence[Experiment]
+    device: Device,
+    final: Fitted,
+    experiments: Sequence[Experiment],
+    among: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[float, Estimate]]:
-    """Return (nominal, estimate) of each linear parameter by name; of a gain only if it is free."""
+    """Return (nominal, estimate) of each linear parameter by name; of a gain only if it is free.
+
+    among: variances over the structures that may be true, as in `linear_elsewhere`.
+    """
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
     reach = spans(final)
@@ -236,7 +242,8 @@ def linear(
         if not is_read(p, experiments):
             continue
         own, value = nominal[p.name], fitted[p.name]
-        below, above = abs(p.slope(own, float(final.x[j]))) * reach[j]
+        other = Z95 * math.sqrt((among or {}).get(p.name, 0.0))
+        below, above = np.hypot(abs(p.slope(own, float(final.x[j]))) * reach[j], other).tolist()
         unit = UNITS[p.kind][0 if device.rotary else 1]
         result[p.name] = (own, Estimate(value, value - below, value + above, unit))
     return result | _of_recordings(device, final, experiments)
@@ -302,11 +309,11 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
 
 
 def without(found: Search, label: str) -> float:
-    """How many sigma the best hypothesis is above itself without an effect.
+    """How many sigma the best hypothesis is better than the same without an effect.
 
-    Or, if that was not fitted, better than the best hypothesis whose effects are all among the
-    others of the best. A hypothesis with another effect in its place is a rival, and says nothing
-    about how much the effect explains.
+    If that was not fitted: than the best hypothesis with only some of its other effects. A
+    hypothesis with another effect in its place is a rival, and says nothing about how much the
+    effect explains.
     """
     best = found.best
     lacking = [h for h in found.tried.values() if h.labels <= best.labels - {label}]
@@ -330,7 +337,7 @@ def shares(found: Search) -> Shares:
 
 
 def probability(odds: Shares, label: str) -> float:
-    """Return the probability that a device has an effect: of all structures with it."""
+    """Return the probability that a device has an effect, summed over all structures with it."""
     return math.fsum(p for labels, p in odds.items() if label in labels)
 
 
@@ -348,26 +355,53 @@ def with_richer(odds: Shares, label: str) -> float:
 
 
 def elsewhere(found: Search, odds: Shares, label: str) -> dict[str, float]:
-    """Return how much the values of an effect scatter over the structures that have it.
+    """Return how much the values of an effect scatter over the structures that have it."""
 
-    Variances about the values of the best, weighted by probability: it is also uncertain which
-    other effects a device has, and these change the values.
-    """
+    def off(h: Hypothesis) -> dict[str, float]:
+        new = _values(h, label)
+        return {name: _apart(label, name, new[name] - value) for name, value in own.items()}
+
     own = _values(found.best, label)
-    scatter = dict.fromkeys(own, 0.0)
-    total = probability(odds, label)
-    if not total > 0.0:
-        return scatter
+    having = {labels: share for labels, share in odds.items() if label in labels}
+    return _scattered(found, having, off) or dict.fromkeys(own, 0.0)
+
+
+def linear_elsewhere(found: Search) -> dict[str, float]:
+    """Return how much the linear parameters scatter over the structures.
+
+    A spring at the load in place of one at the motor changes all masses behind the motor.
+    """
+    own = values_of(found.best.model, found.best.x)
+
+    def off(h: Hypothesis) -> dict[str, float]:
+        new = values_of(h.model, h.x)
+        return {name: new[name] - own[name] for name in own.keys() & new.keys()}
+
+    return _scattered(found, shares(found), off)
+
+
+def _scattered(
+    found: Search, odds: Shares, off: Callable[[Hypothesis], Mapping[str, float]]
+) -> dict[str, float]:
+    """Return variances about the values of the best, weighted by the structures' probability.
+
+    It is also uncertain which effects a device has, and others of them change the values. off: how
+    far the values of a hypothesis are from those of the best.
+    """
+    total = math.fsum(odds.values())
+    scatter: dict[str, float] = {}
     for labels, share in odds.items():
-        if label not in labels or not share > 0.0:
-            continue
-        for name, value in _values(found.tried[labels], label).items():
-            parameter = EFFECTS[of_label(label)[0]].parameter(name)
-            off = value - own[name]
-            if parameter.role == "turning" and parameter.unit == "rad":
-                off = math.remainder(off, 2.0 * math.pi)
-            scatter[name] += share / total * off**2
+        if share > 0.0:
+            for name, by in off(found.tried[labels]).items():
+                scatter[name] = scatter.get(name, 0.0) + share / total * by**2
     return scatter
+
+
+def _apart(label: str, name: str, off: float) -> float:
+    """Return a difference of two values of an effect's parameter, of angles the nearest one."""
+    parameter = EFFECTS[of_label(label)[0]].parameter(name)
+    turns = parameter.role == "turning" and parameter.unit == "rad"
+    return math.remainder(off, 2.0 * math.pi) if turns else off
 
 
 def _values(h: Hypothesis, label: str) -> dict[str, float]:
@@ -377,8 +411,8 @@ def _values(h: Hypothesis, label: str) -> dict[str, float]:
 def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
     """Return the effects fitted in place of an effect of the best hypothesis, nearest first.
 
-    So also a richer form whose own fit ended where it would be another law: friction that rises
-    with speed, but falls. Within its bounds it explains as much as the effect, so only the penalty
+    A richer form whose own fit ended where it is another law is also a rival: "rising" friction
+    that falls with speed. Within its bounds it explains as much as the effect, so only the penalty
     of its further parameters separates them. It has no probability of its own.
     """
     best = found.best
@@ -388,8 +422,8 @@ def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
         if label not in gone or len(gone) < 2 or len(new) != 1 or not math.isfinite(h.cost.total):
             continue
         (other,) = new
-        # One law in place of several is their rival if it contains each, or what may be in its
-        # place: a constant force may be at either end of a link, and its friction at one only.
+        # One law in place of several effects is their rival if it contains each, or one that may
+        # replace it: a constant force may act at either end of a link, and the law only at one.
         if all(
             any(_contains(other, part) for part in (one, *_near(_in_its_place(found, one))))
             for one in gone
@@ -411,15 +445,24 @@ def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
 
 
 def _in_its_place(found: Search, label: str) -> dict[str, float]:
-    """How many sigma worse the best hypothesis is with one other effect in place of this one."""
-    best = found.best
-    others = {
-        next(iter(h.labels - best.labels)): _sigmas_behind(h, best)
-        for h in found.tried.values()
-        if label not in h.labels and len(best.labels - h.labels) == len(h.labels - best.labels) == 1
-    }
-    # What costs without bound has a parameter of which the recordings say nothing.
-    return {other: sigma for other, sigma in others.items() if math.isfinite(sigma)}
+    """How many sigma worse the best hypothesis is with one other effect in place of this one.
+
+    Or with this effect and another one each at another place: a pendulum and a constant force may
+    both be at the motor or both at the load.
+    """
+    best, law = found.best, of_label(label)[0]
+    others: dict[str, float] = {}
+    for h in found.tried.values():
+        new, gone = h.labels - best.labels, best.labels - h.labels
+        moved = sorted(of_label(n)[0] for n in new) == sorted(of_label(g)[0] for g in gone)
+        # A cost is infinite if the recordings do not determine a parameter.
+        if label not in gone or not math.isfinite(h.cost.total):
+            continue
+        if len(new) == len(gone) == 1 or (moved and len(gone) == 2):
+            instead = [n for n in new if len(new) == 1 or of_label(n)[0] == law]
+            for other in instead:
+                others[other] = min(_sigmas_behind(h, best), others.get(other, math.inf))
+    return others
 
 
 def _near(behind: Mapping[str, float]) -> list[str]:
