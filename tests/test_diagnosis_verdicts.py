@@ -17,7 +17,7 @@ from tests.diagnosis_examples import (
     record,
     shifted,
 )
-from zwidth.controllers.excitation import noise
+from zwidth.controllers.excitation import chirp, noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.answer.held_out import held_out
@@ -41,14 +41,18 @@ from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.recording.experiment import Experiment, Output, experiment
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.diagnosis_report import Commands, save_report
+from zwidth.exam.filming import Camera, Scene, film
+from zwidth.exam.playing import Playing
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, known
 from zwidth.sim.device_file import device_from_text, device_to_text
+from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics, richer_at
 from zwidth.sim.place import label_of
 from zwidth.sim.run import simulate
@@ -248,6 +252,30 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
     assert [part.ticks for part in first.problem.experiments] == [2800]
     by, _ = held_out(phantom(), first, [e.split()[1]])
     assert found.one_step.after == pytest.approx(by.after, rel=1e-6)
+
+
+def test_a_chirp_whose_end_shows_a_resonance_is_no_unknown_physics() -> None:
+    """The first 70 % reach 11 Hz, so that nearly any resonance above explains them.
+
+    The intervals hold the truth, which the fit of the first part misses by a third. Mutation: a
+    second look that asks for new effects only, after which the verdict is `unknown_physics`.
+    """
+    face = Interface(period=4e-3, delay=6e-3, encoder_step=2.5e-3)
+    chain = make_chain([7.5e-5, 7.4e-5], [1.7e-5, 3.4e-5], 0.0141, [0.309], [1e-7])
+    truth = Device("rig", "", True, chain, face)
+    wrong = make_chain([1.3e-4, 2e-5], [2.9e-5, 2.3e-5], 0.0142, [0.115], [7e-8])
+    file = replace(truth, chain=wrong)
+    camera = Camera(("position_m1",), np.inf, 4e-4, 1.4e-6)
+    played = Playing("chirp", chirp(1.2e-3, 0.3, 16.0, 6.0, 4e-3))
+    made = film(Scene(truth, played, camera, 2))
+    found = diagnose(file, [experiment(made.trace, file)], effort=QUICK)
+    assert found.verdict is Verdict.LINEAR_PARAMETERS, found.sentence
+    assert [f.kind for f in found.faults] == ["encoder_step", "held_out_used"]
+    assert "give a second recording with --validate" in found.faults[1].sentence
+    for name, value in (("m1", 7.5e-5), ("m2", 7.4e-5), ("k12", 0.309)):
+        estimate = found.linear_refit[name][1]
+        assert estimate.lower < value < estimate.upper
+        assert estimate.upper - estimate.lower < 0.1 * value
 
 
 def test_free_runs_that_fail_later_than_what_was_fitted_ask_for_a_second_look() -> None:

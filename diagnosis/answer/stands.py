@@ -43,6 +43,12 @@ from zwidth.sim.device import Device
 from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label
 
+UNDETERMINED = (
+    "the linear parameters predict the last part of the recordings only if they are fitted to it"
+    " too, since the first part hardly excites what they decide there (as a chirp does), so no data"
+    " are left to judge the answer; give a second recording with --validate"
+)
+
 
 @dataclass(frozen=True)
 class Stands:
@@ -91,7 +97,7 @@ def what_stands(device: Device, taken: Taken, found: Searched, say: Say) -> Stan
         if named_only_whole(there.found, there.left, there.other, there.sound):
             there = _all_searched(device, asked, there, say)
     if changes and not (changes := outlived(changes, there.found)):
-        there = replace(there, taken=_knowing_losses(before, there.found))  # it was cut for them
+        there = replace(there, taken=_knowing_losses(before, there.found))  # was cut at the changes
     return replace(there, changes=changes, halted=halted or there.found.interrupted)
 
 
@@ -102,14 +108,14 @@ def _farther_stands(device: Device, before: Stands, say: Say) -> Stands:
     found = stood if stood.far else farther(device, stood, say)
     second = found.beside
     if found.final is not stood.final and second is not None:
-        found, second = second, found  # the earlier answer, with `far` noted
+        found, second = second, found  # the earlier answer, marked as `far`
     # Neither answer explains everything, so the better one is reported.
     if second is not None and runs_freer(second, found, taken.judge_by):
         say(f"better on held-out data: {second.final.model.label}")
         again, how = standing(device, taken, second, say)
         if again is second or not found.final.model.effects:  # second was not rejected itself
             found, sound = again, how
-            # An answer without effects must leave nothing from sample to sample, too.
+            # An answer without effects must also leave nothing in one-step errors.
             own = found if found.final.model.effects else unnamed(found)
             left, other = _what_is_left(own, taken)
     return replace(before, found=found, by=found, sound=sound, left=left, other=other)
@@ -127,9 +133,11 @@ def _all_searched(device: Device, asked: Taken, before: Stands, say: Say) -> Sta
         again, left, note = second_look(before.found, before.left, whole, say)
         if note is None:
             return replace(before, found=again, left=left)
-        by = on_first_part(again)
+        by = on_first_part(again) if again.final.model.effects else again
         taken = _knowing_losses(asked, by)
         sound = attempt("adequacy", "", partial(held_adequacy, device, by, taken))
+        if by is again and not (sound is not None and sound.sound):
+            return before
         faults = (*before.faults, note)
         return replace(
             before, found=again, by=by, taken=taken, sound=sound, left=left, faults=faults
@@ -151,8 +159,8 @@ def standing(
 ) -> tuple[Searched, Adequacy | None]:
     """The answer and its adequacy; the next most likely answer if held-out data reject the first.
 
-    If they reject every answer, one without effects. A rejected answer costs less than the named
-    one and stays its more likely rival, so the verdict is then never `identified`.
+    If they reject every answer, one without effects is returned. A rejected answer costs less than
+    the named one and stays its more likely rival, so the verdict is then never `identified`.
     """
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
@@ -299,7 +307,8 @@ def second_look(
     A command may reach its limit only in the last seconds. An effect named then has no data left
     that judge it, and the returned fault states this. The earlier answer is returned, without a
     fault, if no new effect was named, a force is still left, an effect was lost, or the search was
-    interrupted.
+    interrupted. If no effect is named either way and nothing is left, the linear parameters of all
+    data are returned: a chirp excites the resonance that they decide only at its end.
     """
     say("held-out data show physics that the search missed: searching the whole recording")
     try:
@@ -319,6 +328,10 @@ def second_look(
         return one in others or within or bool({*others} & {*_containing(one, rotary)})
 
     new = [label for label in labels if not akin(label, known)]
+    if not (new or known or labels):
+        beyond = left_over(again, acted)
+        note = Fault("held_out_used", UNDETERMINED, False, 0.0)
+        return (found, left, None) if beyond.matters(named=False) else (again, beyond, note)
     if not new or not all(akin(label, labels) for label in known):
         return found, left, None
     beyond = left_over(again, acted)
