@@ -24,7 +24,7 @@ of its states, only if it is believed over them (`selection.evidence`). Held-out
 form is reported (`answer.learned`).
 
 Its band includes the uncertainty of its numbers, and the error of so few points, as for tables
-(`tables.left_out_of`). A plane is no law: it is a spring, a damper and a scale of the command.
+(`tables.left_out_of`). A plane is not a law: it is a spring, a damper and a scale of the command.
 Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns; no law over
 time, since no time recurs in held-out data.
 """
@@ -83,11 +83,12 @@ from zwidth.sim.place import masses_and_links, place_at
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
-SEEN = 0.05  # of a law's variation: with a larger error, points are put between its points
+SEEN = 0.05  # of a law's variation: points are added where the error is larger
 # Slopes of initial straight shifts: in ranges of the shifted state per range of the other one.
 DRIFTS = (0.0, -1.0, -0.5, -0.25, -0.125, -0.0625, 0.0625, 0.125, 0.25, 0.5, 1.0)
+LINES, SAMPLES = 5, 3000  # straight shifts that are tried; visited states that choose them
 BEGUN = 4  # places and pairs with an initial product and shift
-ASKED = 2  # of these, fitted to the end
+ASKED = 2  # number of these that are fitted to the end
 Hopeful = Callable[[Hypothesis], bool]
 
 
@@ -275,7 +276,7 @@ def _begun_everywhere(base: Hypothesis) -> list[Begun]:
             grids.append((field, h))
     grids.sort(key=lambda one: one[1].cost.misfit)
     return [
-        Begun(field, h, _product_begun(h, field), _shift_begun(base, field))
+        Begun(field, h, _product_begun(h, field), _shift_begun(base, h, field))
         for field, h in grids[:BEGUN]
     ]
 
@@ -384,25 +385,44 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
     return min(each, key=lambda one: one.cost.misfit, default=None)
 
 
-def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
+def _shift_begun(base: Hypothesis, small: Hypothesis, field: Field) -> Hypothesis | None:
     """A shift of many points, of either state by the other, after some rounds of a fit.
 
-    A straight shift is a table over a + d b. One round of a fit from zero, under two observers,
-    shows how likely each slope d is; the fit starts from the most likely.
+    A straight shift is a table over a + d b. Of those nearest to a small grid, one round of a fit
+    from zero, under two observers, shows how likely each is; the fit starts from the most likely.
     """
-    each: list[Hypothesis] = []
+    near, each = _near_lines(small, field), list[Hypothesis]()
     for share in RATIOS if base.family.whitening else RATIOS[:1]:
         with suppress(NoObserver):
-            law = _likeliest_line(base.under(share * base.ratio), field)
+            law = _likeliest(base.under(share * base.ratio), field, near)
             h = None if law is None else begun(base, *_beside(base.model, base.x, field, law))
             each += [] if h is None else [h]
     return min(each, key=lambda one: one.cost.misfit, default=None)
 
 
-def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
+def _near_lines(h: Hypothesis, field: Field) -> list[Physics]:
+    """Return the straight shifts of a zero law that can come nearest to the grid of h.
+
+    Nearest in least squares over the visited states, with a plane beside the law, which belongs to
+    a spring, damper and scale. Of 21 fields of three recordings, the likeliest of the first five of
+    22 gained as much as that of all, or 2 to 11 % less.
+    """
+    seen = replace(field, states=field.states[:: 1 + len(field.states) // SAMPLES])
+    force = GridForm(_last(h)).at(*seen.states.T)
+
+    def left(law: Physics) -> float:
+        form = ShiftForm(law)
+        table = form.slopes(*seen.along(form.tables.over))[:, : form.states.size]
+        columns = np.column_stack([table, seen.states])
+        return float(np.linalg.norm(force - columns @ np.linalg.lstsq(columns, force)[0]))
+
+    return sorted(_lines(field), key=left)[:LINES]
+
+
+def _likeliest(under: Hypothesis, field: Field, lines: Sequence[Physics]) -> Physics | None:
     """The straight shift with which one round of a fit gains most."""
     problem, least, likeliest = under.problem, math.inf, None
-    for line in _lines(field):
+    for line in lines:
         model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
         ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
         end = descend(ground, x, 1, under.creased, first=True)
