@@ -34,7 +34,7 @@ from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 LONGEST = 10000  # samples of a recording that are looked at
-CLEAR = 4.0  # times what is asked: then the first step of the refit is enough
+CLEAR = 40.0  # times what is asked: then the first step of the refit is enough
 ROUNDS = 3
 FITS = 2  # of a device file: its own size of errors weighs the outputs of the second
 
@@ -70,8 +70,9 @@ def sight(
     problem = Problem(parts, _weighed(observer, errors, parts), SCREENING)
     base = problem.weighted(whole, x)
     slopes = fitted_at(problem, whole, x).jacobian
-    # A spring that is concealed is none that a refit of the device file could change.
-    known = {p.name for p in linear_parameters(bare)}
+    # A refit of the device file cannot make a concealed spring. The origin and the time of readings
+    # are free: on a spring, a constant force moves nothing else.
+    known = {p.name for p in linear_parameters(bare)} | {"origin", "skew"}
     off = Complement(slopes[:, [p.name in known for p in whole.parameters]])
     return Sight(whole, problem, base, off)
 
