@@ -1,14 +1,14 @@
-"""Compiles what a diagnosis runs, where nothing is compiled yet, by two processes at once.
+"""Compiles the kernels of a diagnosis, if they are not compiled yet, in two processes at once.
 
 A diagnosis follows recordings by one device and by many devices side by side. Each is compiled from
 the same source for its own types, for more than a minute on one core, and numba compiles one
-function at a time in a process. So the first diagnosis has them compiled by two processes, which
-write them into the cache (`sim.jit.cache_folder`), and reads them from there.
+function at a time in a process. So the first diagnosis starts two processes, which compile them
+into the cache (`sim.jit.cache_folder`), and reads them from there.
 
     python -m zwidth.diagnosis.compiled alone | many
 
-Limits: a recording of other types (one with gaps, for example) needs more, which is compiled when
-it is first needed; so is a part that could not be compiled here.
+Limits: a recording of other types (one with gaps, for example) needs more kernels, which are
+compiled when they are first needed; so are those that could not be compiled here.
 """
 
 import os
@@ -32,15 +32,15 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.jit import cache_folder
 
 PARTS = ("alone", "many")
-DONE = "diagnosis.compiled"  # in the folder of the cache: the places of zwidth that it serves
-HERE = str(Path(__file__).resolve())  # numba keeps what it compiles by the place of the source
+DONE = "diagnosis.compiled"  # in the cache's folder: the copies of zwidth that it serves
+HERE = str(Path(__file__).resolve())  # numba's cache depends on the path of the source
 TICKS = 64
 
 
 def compiled() -> None:
     """Compile what a diagnosis needs if this was not done; returns at once if it was.
 
-    If another process is at it, this waits. On one core, all is compiled when it is needed.
+    If another process is compiling, this waits. On one core, kernels are compiled when needed.
     """
     done = cache_folder() / DONE
     if _marked(done) or (os.cpu_count() or 1) < 2 or _interpreted():

@@ -17,7 +17,7 @@ class Evidence:
     """When one hypothesis is believed over another."""
 
     alpha: float = 1e-3
-    """Odds at which a wrong hypothesis is believed over the right one. Convention."""
+    """Largest probability of believing a wrong hypothesis over the right one. Convention."""
 
     blocks: int = 40
     """Stretches of the recordings over which gains are compared. Tuned: fewer than ten say little
@@ -76,10 +76,10 @@ class Pursuit:
     a longer horizon before it is clearly worse there (`selection.slower`)."""
 
     farther: float = 3.0
-    """Simulations of the search over a longer horizon, over those of all before it, after which it
-    ends with what it has. Convention: on five recordings of an exam it took 0.1 to 1.5 times as
-    many, on a sixth, where little came before, eight times; a seventh, with physics that is in no
-    library, had not ended after nine times its CPU time."""
+    """Ratio of the simulations of the search over a longer horizon to all before it, after which
+    this search ends with its best so far. Convention: on five recordings of an exam it took 0.1 to
+    1.5 times as many, on a sixth, where little came before, eight times; a seventh, with physics
+    that is in no library, had not ended after nine times its CPU time."""
 
     at_least_farther: float = 20_000.0
     """Simulations of all recordings that this search may take in any case; the one on which little
@@ -94,8 +94,8 @@ class Pursuit:
     benchmarks/notes/performance.md, The account."""
 
     worth_a_glance: int = 3
-    """Total length of recordings, as a multiple of `glance`, from which that is done. Derived: a
-    search of the first part in vain costs a third of a search of everything then."""
+    """Total length of recordings, as a multiple of `glance`, from which this first search is made.
+    Derived: if it finds nothing, it has cost a third of a search of everything."""
 
     rival_share: float = 0.3
     """Share of what an effect explains that another must explain to first order to be fitted in its
@@ -169,8 +169,8 @@ class Verdict:
     kept."""
 
     left_coloured: float = 0.05
-    """As `left_white`, if a longer horizon was tried, where chi-square is no statistic. Tuned, no
-    data kept."""
+    """As `left_white`, if a longer horizon was tried, where the gain does not follow a chi-square
+    distribution. Tuned, no data kept."""
 
     unnamed: float = 60.0
     """Chi-square, over the inflation of the residual, that a force without a name must gain beyond
@@ -184,7 +184,7 @@ class Verdict:
     known_law: float = 0.5
     """Half of a learned curve's 95 % band over its part that is not straight, both rms, above which
     an answer predicts a new command by its named effects alone. Tuned on two machines' training
-    data: 0.04 for a spring that moves over all of its range, 0.88 for friction of which a recording
+    data: 0.04 for a spring that moves over all of its range, 0.88 for friction in a recording that
     dwells at three speeds (`python -m benchmarks.official`)."""
 
     worse_force: float = 1.05
@@ -239,8 +239,8 @@ class Intake:
     """Factor by which a device file may be wrong in the effect of the command."""
 
     alike: float = 1.1
-    """Tolerance of the slope between a position and the integral of a velocity of one motion. No
-    unit is so close to another, and no filter of a device changes the slope as much."""
+    """Tolerance of the slope of a position against the integrated velocity of the same motion. No
+    two units are so close, and no filter of a device changes the slope as much."""
 
     sign_off: float = 3.0
     """As `off`, for a wrong sign: a wrong unit together with it is rare."""
@@ -268,7 +268,7 @@ class Intake:
     Elicited."""
 
     factor_odds: float = 1e-4
-    """Probability that a channel has a wrong scale that is no unit. Elicited."""
+    """Probability that a channel has a wrong scale that is not a unit. Elicited."""
 
     factor_width: float = 0.2
     """Uncertainty of the logarithm of such a factor, by masses, springs and gain of a file."""
@@ -290,7 +290,7 @@ class Intake:
 
     worked_out: float = 0.02
     """Share of the roughness of a velocity, below which the error of a filtered position means that
-    the velocity is no measurement of its own."""
+    the velocity is not a separate measurement."""
 
     clipped: float = 0.005
     """Share of the samples of a command at its largest value. Convention."""
@@ -364,8 +364,8 @@ class FreeForces:
     """When a force of free shape is reported, beside named effects or in their place."""
 
     odds: float = 1e8
-    """One of so many recordings of white noise has a line as strong as one that is reported. Tuned,
-    no data kept: noise of the same spectrum and envelope as the residual's is not all noise."""
+    """Number of recordings of white noise of which one has a line as strong as a reported one.
+    Tuned, no data kept: real noise is more than noise with the residual's spectrum and envelope."""
 
     over_time: float = 300.0
     """In -2 ln, what a force over time alone must gain: less is slow noise. Tuned, no data kept."""

@@ -164,12 +164,12 @@ TEXT = """\
 
 Every effect is added to one device, two masses on a belt, with a size of about a tenth of the
 command. Device and export follow the same command for [[seconds]] s; the table shows the rms of
-their difference over the rms of the motion. **Bold**: the format claims to hold all of the
+their difference divided by the rms of the motion. **Bold**: the format claims to hold all of the
 device. *Exact*: the same bits. Made by `python docs/make_export_page.py`.
 
 [[table]]
 
-The belt is what URDF loses in every row. All five formats hold a device of one mass with a
+URDF loses the belt in every row. All five formats hold a device of one mass with a
 damper, dry friction and a limit within 1 %. Isaac Lab, Newton and BAM take one body, as URDF does.
 """
 

@@ -272,8 +272,8 @@ that friction stops never reaches the limit.
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
 **Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes. One step
-changes the command by K times 1e-5 rad, at most 0.5 mN m here, and friction of more than half of
-that is enough.
+changes the command by K times 1e-5 rad, at most 0.5 mN m here. Friction above half of this
+change stops the oscillation.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 

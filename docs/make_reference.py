@@ -26,8 +26,8 @@ from zwidth.sim.physics.two_tables import LAW_FIRST, POINTS, is_two_tables, two_
 
 FOLDER = Path(__file__).parent / "reference"
 OF_SECOND = {  # of the second table of a law of two: its unit, and what it does
-    "free_product": ("a number", "what the force is taken times"),
-    "free_shift": ("in the unit of the first", "what is added to the first state"),
+    "free_product": ("a number", "factor of the force"),
+    "free_shift": ("unit of the first state", "what is added to the first state"),
 }
 MADE = "<!-- made by docs/make_reference.py -->\n"
 
@@ -37,19 +37,19 @@ def pages() -> dict[str, str]:
     found = {
         "device_file.md": _keys_page(
             "The device file, key by key",
-            "What a simulation or a diagnosis knows of a device. `zwidth devices --template 2`"
-            " prints one of two masses to start from. How drives are described, and what differs in"
-            " one run: [the device file](../device_file.md). An unknown key is an error that names"
-            " the nearest known one.",
+            "What a simulation or a diagnosis knows about a device. `zwidth devices --template 2`"
+            " prints one with two masses to start from. How drives are described, and what differs"
+            " in one run: [the device file](../device_file.md). An unknown key is an error that"
+            " names the nearest known one.",
             DEVICE_KEYS,
         )
-        + "\nThe parameters of an effect stand beside `effect` and `at`:"
+        + "\nThe parameters of an effect are further keys of its table:"
         " [effects](effects/README.md).\n",
         "recording_file.md": _keys_page(
             "The recording TOML, key by key",
-            "Which column of a file is what, in which unit. `zwidth diagnose FILE` writes one for a"
-            " file that has none, `zwidth convert FILE FILE.toml` drafts one. What formats are"
-            " read, gaps, clocks and known changes: [recordings](../recordings.md).",
+            "Says what each column of a file is, and in which unit. `zwidth diagnose FILE`"
+            " writes one for a file that has none; `zwidth convert FILE FILE.toml` drafts one. What"
+            " formats are read, gaps, clocks and known changes: [recordings](../recordings.md).",
             RECORDING_KEYS,
         ),
         "effects/README.md": _index(),
@@ -107,8 +107,8 @@ def _index() -> str:
     lines = [
         f"{MADE}# Effects\n",
         "Physics that a device may have besides its masses, springs and dampers. `zwidth effects`"
-        " prints this list, `zwidth effects NAME` one of them. What the last three columns mean:"
-        " [effects in a diagnosis](../../effects.md).\n",
+        " prints this list; `zwidth effects NAME` describes one of them. What the last three"
+        " columns mean: [effects in a diagnosis](../../effects.md).\n",
         "| effect | at | what it is | prior | contains | sought |",
         "|---|---|---|---|---|---|",
         *(_index_row(e) for e in EFFECTS.values()),
@@ -155,33 +155,33 @@ def _effect_page(effect: Effect) -> str:
         parts.append(
             "| key | unit | what it is |\n|---|---|---|\n"
             f"| `table` | rows of [{state}], [{made}] | 2 to {KNOTS} points, the states rising |\n"
-            "| `odd` | true or false | whether f(-s) = -f(s): the table is of the absolute value,"
-            " from [0, 0] on |\n"
-            f"| `period` | {state} | period of a periodic law, of which the table covers one;"
+            "| `odd` | true or false | whether f(-s) = -f(s); the table is then over the absolute"
+            " value and begins at [0, 0] |\n"
+            f"| `period` | {state} | period of a periodic law; the table covers one period;"
             " omitted for other laws |\n"
         )
     elif grid is not None:
         parts.append(
             "| key | unit | what it is |\n|---|---|---|\n"
-            f"| `over` | one or two of {_states()} | what it depends on; in a link how far it"
-            " gives way, and how fast |\n"
-            f"| `rows` | that of the first | its states, rising: 2 to {SIZE}, or to {MOST} where"
-            " it is the only one |\n"
-            f"| `columns` | that of the second | its states, rising: 1 to {SIZE}; left out where"
-            " there is no second |\n"
-            f"| `table` | {_cell(units(effect, VALUE[0]))} | the force: for each row a list of one"
-            " number for each column, without a second state one number for each row |\n"
+            f"| `over` | one or two of {_states()} | its states; in a link these are the"
+            " deflection and its rate |\n"
+            f"| `rows` | unit of the first state | values of it, rising: 2 to {SIZE}, or to {MOST}"
+            " if it is the only one |\n"
+            f"| `columns` | unit of the second state | values of it, rising: 1 to {SIZE}; omitted"
+            " if there is none |\n"
+            f"| `table` | {_cell(units(effect, VALUE[0]))} | the force: for each row a list with"
+            " one number per column; without a second state, one number per row |\n"
         )
     elif product is not None:
         second, does = OF_SECOND[effect.name]
         parts.append(
             "| key | unit | what it is |\n|---|---|---|\n"
-            f"| `over` | two of {_states()} | what it depends on; in a link how far it gives way,"
-            " and how fast |\n"
-            "| `first` | rows of that of the first state,"
+            f"| `over` | two of {_states()} | its states; in a link these are the deflection"
+            " and its rate |\n"
+            "| `first` | rows of [unit of the first state],"
             f" [{_cell(units(effect, LAW_FIRST[0]))}] | the force: 2 to {POINTS} points, the"
             " states rising |\n"
-            f"| `second` | rows of that of the second state, {second} | {does}: 2 to {POINTS}"
+            f"| `second` | rows of [unit of the second state], [{second}] | {does}: 2 to {POINTS}"
             " points, the states rising |\n"
         )
     elif effect.parameters:

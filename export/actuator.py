@@ -22,8 +22,8 @@ class Actuator(NamedTuple):
     stiffness, damping: of the loop on its position, 0 if the command is an effort; gain: from
     command to effort; limit: of the effort; delay_ticks: of the command; then the moving mass,
     viscous damping, and dry friction, sliding and at rest. lost: parts of the device that these
-    numbers leave out; held: the device with exactly these numbers, with no more friction at rest
-    than sliding.
+    numbers leave out; held: the device with exactly these numbers, whose friction at rest is at
+    most that in sliding.
     """
 
     stiffness: float

@@ -1,4 +1,4 @@
-"""Servos of BAM (Better Actuator Models, github.com/Rhoban/bam): its JSON both ways.
+"""Servos of BAM (Better Actuator Models, github.com/Rhoban/bam): its JSON, read and written.
 
 A file has one flat object: the name of the friction model, "m1" to "m6", and its numbers. The motor
 is a winding under a voltage u, with tau = kt (u - kt v) / R; friction is at most
@@ -6,8 +6,8 @@ is a winding under a voltage u, with tau = kt (u - kt v) / R; friction is at mos
     friction_base + |load| + s(v) (friction_stribeck + |load at rest|) + friction_viscous |v|,
     s(v) = exp(-|v / dtheta_stribeck|^alpha),
 
-where the load is a share of the motor's torque (m3 to m6) and of what acts from outside. m6 adds a
-square of the torque. A JSON as extended by Isaac Lab also has the firmware: kp, error_gain, vin and
+where the load is a share of the motor's torque (m3 to m6) and of external torques. m6 adds a square
+of the torque. A JSON as extended by Isaac Lab also has the firmware: kp, error_gain, vin and
 max_pwm. It is then a servo, whose command is the goal of its position. Motors of eRob are driven by
 a current, tau = kt i.
 
@@ -49,12 +49,12 @@ NEEDED["m6"] = (*NEEDED["m5"], *(f"{side}_quad" for side in SIDES))
 ALWAYS = ("kt", "armature", "friction_base", "friction_viscous")
 FIRMWARE = ("kp", "error_gain", "vin")
 ABOVE_ZERO = ("kt", "R", "armature", "dtheta_stribeck", "alpha", *FIRMWARE, "max_pwm")
-OF_CURRENT = "erob"  # beginnings of the names of actuators driven by a current
+OF_CURRENT = "erob"  # beginning of the names of actuators driven by a current
 SUBSTEPS = 20  # steps of BAM's first-order integrator per sample
 
 
 def device_of_bam(path: Path, period: float = 0.001) -> tuple[Device, list[str]]:
-    """Return a servo of BAM as a device of one mass, and sentences on what that leaves out.
+    """Return a servo of BAM as a device of one mass, and sentences on what this device leaves out.
 
     The mass is the rotor's alone, `armature`. period [s]: of the sampled interface, which the file
     does not contain.
@@ -94,7 +94,7 @@ def _frictions(model: str, numbers: dict[str, float], left_out: list[str]) -> li
             found.append(make_physics("coulomb_friction", "m1", level=base))
     else:
         alpha, speed = numbers["alpha"], numbers["dtheta_stribeck"]
-        # The same area under the fall: of exp(-|v / s|^a) over v > 0 it is s Gamma(1 + 1 / a).
+        # The same area under the fall: exp(-|v / s|^a) has s Gamma(1 + 1 / a) over v > 0.
         alike = speed * math.gamma(1.0 + 1.0 / alpha) / math.gamma(1.5)
         found.append(
             make_physics(
@@ -128,8 +128,8 @@ def _read(path: Path) -> tuple[str, dict[str, float], str]:
         raise ValueError(f"{path} is not a JSON file of BAM: {error}") from None
     if not isinstance(told, dict) or "model" not in told:
         raise ValueError(
-            f'{path} has no "model"; a JSON of BAM is one object with "model": "m1" to "m6" and its'
-            " numbers"
+            f'{path} has no "model"; a JSON of BAM is one object with "model" ("m1" to "m6")'
+            " and the parameters of the model"
         )
     content = cast("dict[str, Any]", told)
     model = str(content["model"])

@@ -33,7 +33,7 @@ static double zwidth_exponent(double x)
 class _Memory(NamedTuple):
     x: Array
     internal: Array
-    scalars: np.ndarray = np.zeros(SCALARS)  # where the time starts
+    scalars: np.ndarray = np.zeros(SCALARS)  # the time starts at zero
 
 
 class _Scratch(NamedTuple):
@@ -108,7 +108,7 @@ def settable_source(device: Device, name: str, seed: int = 0) -> tuple[str, list
     """Return C text as `c_source` with numbers that a run may set, and these numbers.
 
     They are `state.p[k]`, in this order, and NAME_reset sets them to the device's values. An effect
-    whose law needs its numbers in advance keeps them as constants. Raises Untranslatable as
+    whose law needs its numbers at translation keeps them as constants. Raises Untranslatable as
     `c_source`.
     """
     eq, memory = _prepared(device, seed)

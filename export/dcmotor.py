@@ -1,4 +1,4 @@
-"""Friction and ripple as a `dcmotor` of MuJoCo has them: written as a passive one, and read back.
+"""Friction and ripple as a passive `dcmotor` of MuJoCo: written, and read back.
 
 MuJoCo's friction is a bristle of deflection z, its cogging a sine:
 
@@ -6,13 +6,13 @@ MuJoCo's friction is a bristle of deflection z, its cogging a sine:
     f = a sin(n q + phase).
 
 `presliding_friction` is this law for Fc = Fs and d = 0, and `force_ripple` the sine. The curve g is
-that of `stribeck_friction`, whose body is rigid at rest, so its bristles are as stiff as the step
-allows. MuJoCo moves a bristle exactly over a step of constant velocity, which the integrator
+that of `stribeck_friction`, in which a body at rest is rigid, so its bristles are as stiff as the
+step allows. MuJoCo moves a bristle exactly over a step of constant velocity, which the integrator
 `implicitfast` does and RK4 does not; as a spring on a mass it is explicit, stable for a frequency
 below 2 / step.
 
-Without inputs a dcmotor does nothing else if its motor constant vanishes. One of zero is refused
-before MuJoCo 4, so it is 1e-9, which damps by 1e-18.
+Without inputs and with a motor constant of zero, a dcmotor does nothing else. MuJoCo before 4
+refuses zero, so the constant is 1e-9, which damps by 1e-18.
 """
 
 import math
@@ -26,7 +26,7 @@ from zwidth.sim.physics.effect import Physics
 
 BRISTLES = ("stribeck_friction", "presliding_friction")
 PASSIVE = (*BRISTLES, "force_ripple")
-OF_A_RADIAN = 0.3  # of a mass on its bristles, a step
+OF_A_RADIAN = 0.3  # largest phase per step of a mass on its bristles
 TURN = 2.0 * math.pi
 
 
@@ -50,7 +50,7 @@ def passive_motor(p: Physics, mass: float, step: float) -> str:
 
 
 def bristles(p: Physics, mass: float, step: float) -> float:
-    """Return the stiffness of an effect's bristles: its own, if it has one that a step resolves."""
+    """Return the stiffness of an effect's bristles: its own, if the time step resolves it."""
     return min(p.values.get("stiffness", math.inf), mass * (OF_A_RADIAN / step) ** 2)
 
 
@@ -78,8 +78,8 @@ def effects_of_motor(
 ) -> list[Physics]:
     """Return friction and cogging of the dcmotor i as effects at m1, seen from its joint.
 
-    origin: the joint's position at which the device is at zero. What no effect has is appended to
-    left_out, in words.
+    origin: the joint's position at which the device is at zero. What no effect can represent is
+    appended to left_out, in words.
     """
     name = model.actuator(i).name
     amplitude, poles, phase, coulomb, static, velocity = model.actuator_biasprm[i, :6].tolist()

@@ -78,7 +78,7 @@ def draws_of(device: Device, count: int, seed: int) -> Draws:
             continue
         try:
             devices.append(with_numbers(bare, dict(zip(told.names, x.tolist(), strict=True))))
-        except ValueError:  # two numbers that exclude each other
+        except ValueError:  # values that no device may have together
             continue
         drawn.append(x)
         if len(devices) == count:

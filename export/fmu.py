@@ -33,7 +33,7 @@ from zwidth.sim.physics.points import of_points
 
 HEADERS = ("fmi3PlatformTypes.h", "fmi3FunctionTypes.h", "fmi3Functions.h")
 NEEDS = "writing an FMU needs fmpy, which is not installed; pip install 'zwidth[fmu]'"
-EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive: the same device gives the same bytes
+EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files in the archive: equal devices give equal bytes
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def fmu(device: Device, name: str, seed: int = 0) -> Fmu:
 
 
 def run_fmu(content: bytes, commands: Floats, settings: dict[str, float] | None = None) -> Floats:
-    """Return the measured positions of our own FMU under commands (ticks,), run by fmpy.
+    """Return the measured positions of an FMU of zwidth under commands (ticks,), run by fmpy.
 
     settings: parameters by name. Raises ValueError without fmpy, and fmpy's exceptions.
     """

@@ -18,7 +18,7 @@ Craven, G. Wahba, Numerische Mathematik 31, 377, 1979).
 Limits: arms are rigid, and joints that were not recorded stay in the zero pose. Gravity is computed
 in the recorded posture, also for free runs that drift away from it. Accelerations are as accurate
 as the splines: for a motion of 1 Hz at 1 kHz within 5 % if the encoder's step is a thousandth of
-the amplitude. They are too small in the first and last hundredth of a recording, where the
+the amplitude. Accelerations are too small in the first and last hundredth of a recording, where the
 curvature of a spline goes to zero. The acceleration of the joint itself also has the error of the
 measured position. Springs, dampers and friction of other joints are accounted for by their recorded
 motion; tendons between joints are left out.
@@ -39,8 +39,8 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-FEWEST = 5  # samples of a spline, at least
-CHOSEN_BY = 4000  # samples, at most
+FEWEST = 5  # least number of samples of a spline
+CHOSEN_BY = 4000  # most samples from which lambda is chosen
 STRENGTHS = tuple(10.0**k for k in np.arange(-4.0, 10.1, 0.5).tolist())  # with time in samples
 
 

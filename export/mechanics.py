@@ -74,10 +74,10 @@ STRUCTURE = ("ground_spring", "extra_mode", "position_servo")
 def joints_of(
     device: Device, also: tuple[str, ...] = (), at_masses: tuple[str, ...] = ()
 ) -> Joints:
-    """Divide a device's mechanism and effects; also: further effects that the format has.
+    """Divide a device's mechanism and effects; also: further effects that the format supports.
 
-    at_masses: those that it has at masses only. Effects of both are returned in `others`; the
-    interface is left to the format.
+    at_masses: effects that it supports at masses only. Both kinds are returned in `others`; the
+    caller exports the interface.
     """
     lost: list[str] = []
     kept: list[Physics] = []
@@ -91,7 +91,7 @@ def joints_of(
             simpler = make(p)
             whole = name == "directional_friction" and (
                 "constant_force" in also or p.values["level_plus"] == p.values["level_minus"]
-            )  # its levels; the rest is complete if both viscous sides are equal
+            )  # its levels; nothing else is lost if both viscous coefficients are equal
             if not (whole and p.values["viscous_plus"] == p.values["viscous_minus"]):
                 lost.append(f"{label_of(p)}: {sentence.format(**p.values)}")
             constant += [s for s in simpler[1:] if "constant_force" in also]

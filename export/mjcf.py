@@ -31,7 +31,7 @@ ALSO = (
     "actuator_lag", "open_winding",
 )  # fmt: skip
 GRAVITY = 9.81
-DRY_STEP, STEP, OF_A_RADIAN = 2e-5, 1e-4, 0.1  # [s], [s]; of the fastest mode, a step
+DRY_STEP, STEP, OF_A_RADIAN = 2e-5, 1e-4, 0.1  # [s], [s]; phase of the fastest mode per step
 
 
 def mjcf(device: Device, name: str) -> Exported:
@@ -76,7 +76,7 @@ def mjcf(device: Device, name: str) -> Exported:
 def _step(joints: Joints, held: Device, period: float) -> float:
     """Return a timestep that divides the period and resolves the fastest mode."""
     fastest = float(np.abs(np.linalg.eigvals(held.plant().a)).max())
-    for p in _passive(joints, ("force_ripple",)):  # about the bottom of a wave
+    for p in _passive(joints, ("force_ripple",)):  # stiffness at the bottom of a wave
         slope = p.values["amplitude"] * TURN / p.values["period"]
         fastest = max(fastest, math.sqrt(slope / _mass(joints, p)))
     longest = DRY_STEP if _dry(joints) else STEP

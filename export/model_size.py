@@ -1,8 +1,8 @@
 """How large a model of MuJoCo becomes, found before MuJoCo compiles it.
 
-A few lines of MJCF declare any number of bodies, by counts within counts and by models attached to
-models, and any amount of numbers and pixels. MuJoCo cannot be interrupted, and its time grows with
-the square of the bodies: 10 000 of them, joints and shapes included, take it some 20 s.
+A few lines of MJCF can declare any number of bodies (nested counts, attached models), numbers and
+pixels. MuJoCo cannot be interrupted, and its time grows with the square of the bodies: 10 000 of
+them, joints and shapes included, take it some 20 s.
 """
 
 import math
@@ -16,36 +16,36 @@ from xml.etree.ElementTree import Element
 from zwidth.files.protection import reading
 from zwidth.logs.unpacked import most_bytes
 
-MOST_PARTS = 10_000  # bodies, joints, shapes, sites, and points of what bends
-MOST_ELEMENTS = 1_000_000  # of XML, each as often as it is made
-MOST_PARAMETER = 360  # of a shape that MuJoCo makes: points along an edge, degrees
-MOST_MEMORY = 1 << 32  # that a model asks for, and of which no more is used than it needs
+MOST_PARTS = 10_000  # bodies, joints, shapes, sites, and points of flexible parts
+MOST_ELEMENTS = 1_000_000  # of XML, each counted as often as it is copied
+MOST_PARAMETER = 360  # of a generated shape: points along an edge, degrees
+MOST_MEMORY = 1 << 32  # bytes that a model may request; MuJoCo uses only what it needs
 PARTS = frozenset((
     "body", "joint", "freejoint", "geom", "site", "camera", "light", "frame", "replicate", "link",
 ))  # fmt: skip
 POINTS = {"composite": ("count",), "flexcomp": ("count", "cellcount"), "flex": ("cellcount",)}
-USUAL_POINTS = 1000  # of a flexcomp that says no count
-POINT_BYTES = 100  # of a file of points, for each
-# Bytes of one that an attribute counts: of an actuator or sensor, of other elements, of the model.
+USUAL_POINTS = 1000  # of a flexcomp without a count
+POINT_BYTES = 100  # per point of a file of points
+# Bytes per unit of an attribute: of an actuator or sensor, of other elements, of the model.
 OF_ONE = {"nsample": 32, "actdim": 32}
 OF_TAG = {("user", "dim"): 8, ("contact", "num"): 512, ("numeric", "size"): 8}
 OF_ALL = {"nuserdata": 8, "njmax": 1000, "nconmax": 1000, "nstack": 8}
-PIXEL = {"hfield": 16, "texture": 6}  # while it is read
-SIDES = 6  # of a texture that is not said to be a plane, each a square
-RAY = 64  # of a pixel of a camera that measures distances
-KEYS_OF_PART = 100  # states that are kept take as long as one part
+PIXEL = {"hfield": 16, "texture": 6}  # bytes per pixel while it is read
+SIDES = 6  # of a texture that is not declared as a plane; each is a square
+RAY = 64  # bytes per pixel of a camera that measures distances
+KEYS_OF_PART = 100  # this many stored states take as long as one part
 PNG, PNG_STARTS = struct.Struct(">8s8xII"), b"\x89PNG\r\n\x1a\n"
 MEMORY = re.compile(r"\s*\+?(\d{1,18})([KMGTPE]?)\s*", re.IGNORECASE)
 POWERS = ("", *"KMGTPE")
 
 
 class ModelTooLarge(ValueError):
-    """A model that would take MuJoCo for ever, or more memory than there is."""
+    """A model that MuJoCo would compile for ever, or that needs too much memory."""
 
 
 @dataclass
 class Size:
-    """What is made of a model: parts, elements of XML, bytes, and bytes of each part."""
+    """The size of a compiled model: parts, elements of XML, bytes, and bytes per part."""
 
     parts: int = 0
     elements: int = 0
@@ -53,7 +53,7 @@ class Size:
     of_part: int = 0
 
     def add(self, other: "Size", times: int) -> None:
-        """Add another one, so many times."""
+        """Add another size a number of times."""
         self.parts += times * other.parts
         self.elements += times * other.elements
         self.bytes += times * other.bytes
@@ -63,18 +63,18 @@ class Size:
 class Sizes:
     """The sizes of a model and of those that it attaches.
 
-    roots: of the file and all that it includes or attaches, by their resolved paths. folders: where
-    MuJoCo looks for files.
+    roots: the XML roots of the file and of all that it includes or attaches, by resolved path.
+    folders: where MuJoCo looks for files.
     """
 
     def __init__(self, file: Path, roots: Mapping[Path, Element], folders: set[Path]) -> None:
         self.file, self.roots, self.folders = file, roots, folders
-        self.files = set(roots)  # that make the model as large as it may be
-        self.largest = (MOST_PARTS // 100, "")  # a count that is worth telling, and whose it is
+        self.files = set(roots)  # all files that contribute to the size
+        self.largest = (MOST_PARTS // 100, "")  # the largest count worth reporting, and its element
         self._known: dict[Path, Size] = {}
         self._open: list[Path] = []
-        self._usual = dict.fromkeys(("width", "height", *OF_ONE), 0)  # by the defaults
-        self._pixels = 0  # of the largest camera
+        self._usual = dict.fromkeys(("width", "height", *OF_ONE), 0)  # from the defaults
+        self._pixels = 0  # pixels of the largest camera
         for root in roots.values():
             for camera in root.iter("camera"):
                 self._pixels = max(self._pixels, self._count(camera, "resolution"))
@@ -83,7 +83,7 @@ class Sizes:
                     self._usual[key] = max(self._usual[key], self._count(part, key))
 
     def refuse(self) -> None:
-        """Raise ModelTooLarge if MuJoCo would make more than it can."""
+        """Raise ModelTooLarge if the model is too large for MuJoCo."""
         whole = self._of(self.file.resolve())
         size = sum(path.stat().st_size for path in self.files)
         needed, allowed = whole.bytes + whole.of_part * whole.parts, most_bytes(size)
@@ -145,7 +145,7 @@ class Sizes:
             found.bytes += sum(size * self._count(part, key) for key, size in OF_ALL.items())
             each = [key for key in part.attrib if key.startswith("nuser_") or key == "nkey"]
             found.of_part += 8 * sum(self._count(part, key) for key in each)
-        elif part.tag == "config" and part.get("key") == "size":  # of a grid of sensors
+        elif part.tag == "config" and part.get("key") == "size":  # the size of a grid of sensors
             found.bytes += 8 * self._count(part, "value")
         elif part.tag == "rangefinder" and "camera" in part.attrib:
             found.bytes += RAY * self._pixels

@@ -1,4 +1,4 @@
-"""A joint of an MJCF or URDF model as a device that moves all bodies beyond it, in zero pose."""
+"""A joint of an MJCF or URDF model as a device: it moves all bodies beyond it, in zero pose."""
 
 import math
 import os
@@ -123,7 +123,7 @@ def _model(mujoco: Any, file: Path) -> Any:
 
 def _parsed(file: Path) -> ElementTree.Element:
     text = reading(file).read_text(encoding="utf-8")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # entities may unpack to gigabytes
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:  # entities may expand to gigabytes
         raise ValueError(
             f"{file.name} declares a DOCTYPE or entities, which no model needs; take them out"
         )
@@ -220,8 +220,8 @@ def drives_of(mujoco: Any, model: Any, index: int) -> list[int]:
 
 
 def input_of(model: Any, i: int) -> int:
-    """Return the place of an actuator's first input among the controls."""
-    inputs = getattr(model, "actuator_ctrladr", None)  # an older MuJoCo has one for each
+    """Return the index of an actuator's first input among the controls."""
+    inputs = getattr(model, "actuator_ctrladr", None)  # in an older MuJoCo each actuator has one
     return i if inputs is None else int(inputs[i])
 
 

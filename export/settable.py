@@ -36,7 +36,7 @@ class Number:
 
 
 class Rows(list[Any]):
-    """Parameters of the effects of one hook, numbers or C expressions; indexed as the array is."""
+    """Parameters of the effects of one hook, numbers or C expressions, indexed like the array."""
 
 
 def settable(

@@ -37,7 +37,7 @@ class Untranslatable(ValueError):
 
 @dataclass(frozen=True)
 class Value:
-    """A C expression: d a double, i an integer, b a truth value, u an unsigned word."""
+    """A C expression. Kinds: d a double, i an integer, b a truth value, u an unsigned word."""
 
     text: str
     kind: str = "d"
@@ -64,7 +64,7 @@ class _Frame:
     names: dict[str, Any]
     outer: Mapping[str, Any]
     number: int
-    depth: int = 0  # depth of conditions that only a run decides
+    depth: int = 0  # depth of conditions whose outcome is known only in a run
     pinned: list[set[str]] = field(default_factory=list[set[str]])
     results: list[Value] | None = None
     many: bool = False
@@ -154,7 +154,7 @@ class Translator:
             for line in self.lines:
                 target, equals, rest = line.strip().partition(" = ")
                 if equals and target in self.declared:
-                    asked |= set(NAMES.findall(rest)) - {target}  # a count is no reader of itself
+                    asked |= set(NAMES.findall(rest)) - {target}  # updating itself is no use
                 else:
                     asked |= set(NAMES.findall(line))
             unread = self.declared.keys() - asked

@@ -1,8 +1,7 @@
-"""How deep and how long a formula in a file may be, found before anything goes through it.
+"""Limits of the depth and length of a formula in a file, checked before it is used.
 
-Python's parser, and all that goes through what it returns, call themselves once for each operation
-within another, and give up, or crash, where those are thousands. Whole powers are multiplied out,
-so that `((q**8)**8)**8` has 512 factors.
+Python's parser, and everything that walks its tree, is recursive and fails or crashes at thousands
+of nested operations. Integer powers are multiplied out, so `((q**8)**8)**8` has 512 factors.
 """
 
 import ast
@@ -11,13 +10,13 @@ import tomllib
 from pathlib import Path
 
 LONGEST = 10_000  # characters
-DEEPEST = 100  # operations within each other; each gets parentheses, of which Python takes 200
-MOST = 5_000  # operations and operands, with whole powers multiplied out
-MOST_POWER = 8  # of a whole exponent that is multiplied out
+DEEPEST = 100  # nested operations; each gets parentheses, and Python accepts 200
+MOST = 5_000  # operations and operands, with integer powers multiplied out
+MOST_POWER = 8  # largest integer exponent that is multiplied out
 
 
 def refuse_endless_file(file: Path, text: bytes) -> None:
-    """Raise ValueError, which begins with the file, as `refuse_endless` for the formula in it."""
+    """Raise ValueError, which names the file, as `refuse_endless` does for the formula in it."""
     try:
         formula = tomllib.loads(text.decode("utf-8")).get("formula")
     except RecursionError:
@@ -25,7 +24,7 @@ def refuse_endless_file(file: Path, text: bytes) -> None:
             f"{file}: this is not TOML that can be read: its values nest too deep; an effect's file"
             " has a table in a table at most"
         ) from None
-    except ValueError:  # no TOML; who reads it says so
+    except ValueError:  # not TOML; its reader reports this
         return
     try:
         refuse_endless(formula if isinstance(formula, str) else "")
@@ -36,7 +35,7 @@ def refuse_endless_file(file: Path, text: bytes) -> None:
 def refuse_endless(formula: str) -> None:
     """Raise ValueError for a formula that is too long or too deep, or has an infinite number.
 
-    What is no expression passes: who reads it says so.
+    Text that is not an expression passes; its reader reports this.
     """
     if len(formula) > LONGEST:
         raise ValueError(
@@ -51,10 +50,10 @@ def refuse_endless(formula: str) -> None:
         tree = ast.parse(formula.strip(), mode="eval").body
     except SyntaxError:
         return
-    except (RecursionError, MemoryError):  # of the parser, whose stack has a limit of its own
+    except (RecursionError, MemoryError):  # the parser's stack has its own limit
         raise deep from None
     order, depths = [tree], [1]
-    for node, depth in zip(order, depths, strict=False):  # both grow with what is within
+    for node, depth in zip(order, depths, strict=False):  # both grow during the loop
         if depth > DEEPEST:
             raise deep
         if isinstance(node, ast.Constant) and not _finite(node.value):
@@ -85,5 +84,5 @@ def _finite(value: object) -> bool:
     """Whether a number is one that a computation can begin with; True for what is no number."""
     try:
         return not isinstance(value, int | float) or math.isfinite(value)
-    except OverflowError:  # a whole number of more digits than a float has
+    except OverflowError:  # an integer beyond the range of floats
         return False

@@ -57,7 +57,7 @@ class Writer:
 
     def objection(self, path: Path) -> tuple[str, str] | None:
         """Return why this writer may not write to a path and what to do instead; None if it may."""
-        place = path.resolve()  # where `replacing` writes: folder/../FILE, too, without that folder
+        place = path.resolve()  # the path that `replacing` writes to, without ".."
         identity = _identity(place)
         if (
             identity is None or not place.is_file()
@@ -65,7 +65,7 @@ class Writer:
             return None
         if identity in self.inputs:
             return self.inputs[identity], ANOTHER
-        if self.overwrite or place.stat().st_size == 0:  # an empty file holds nothing to protect
+        if self.overwrite or place.stat().st_size == 0:  # an empty file needs no protection
             return None
         say = "use overwrite=True" if self.late is None else "use --force"
         remedy = f"give another name, move it away, or {say}"
@@ -131,7 +131,7 @@ def check(*paths: Path) -> None:
 def begin(path: Path, own: bool = False) -> Writer:
     """Return the writer for a path; raises Protected for a function that may not write there.
 
-    own: the caller has made sure that the existing file is its own, so only inputs are protected.
+    own: the caller has verified that the existing file is its own, so only inputs are protected.
     """
     present = replace(writer(), overwrite=True) if own else writer()
     if present.late is None and (objection := present.objection(path)):
@@ -180,7 +180,7 @@ def writing_as(function: str, overwrite: bool = False) -> Generator[None]:
 def _identity(path: Path) -> Identity | None:
     try:
         known = path.stat()
-    except (OSError, ValueError):  # does not exist, or cannot: opening it reports the error
+    except (OSError, ValueError):  # missing or impossible: opening it reports the error
         return None
     return known.st_dev, known.st_ino
 

@@ -38,8 +38,8 @@ def replacing(path: Path, wait: bool = True, own: bool = False) -> Generator[IO[
 
     Until then, and after an error, `path` keeps its old content. Folders are created. A path that
     is not a plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the file
-    is on the disk, so that it is complete even after a power cut. own: the caller has made sure
-    that the existing file is its own, and keeps track of it. Raises OSError; Protected for a user's
+    is on the disk, so that it is complete even after a power cut. own: the caller has verified that
+    the existing file is its own, and keeps track of it. Raises OSError; Protected for a user's
     file.
     """
     writer = protection.begin(path, own)

@@ -38,8 +38,8 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 LOOKED_AT = 40  # recordings among which informative ones are sought
-SEARCHED = 4  # of them, in which the structure is sought
-OWN_ERRORS = 1.5  # ratio of scatter to errors, above which repeats differ by themselves
+SEARCHED = 4  # number of these in which the structure is sought
+OWN_ERRORS = 1.5  # ratio of scatter to errors, above which repeats of a device differ
 EACH = 8  # recordings per task
 Advance = Callable[[str, int, int], None]
 
@@ -68,9 +68,9 @@ def diagnose_fleet(
 
     device: what is known about the devices; work: folder that stores results, so that a rerun
     continues and only new recordings are fitted; runner: executes the tasks, None: this process;
-    effort: of the search for the structure; advance: called with the stage, how many are done, and
-    of how many. Raises ValueError if fewer than three recordings can be used, or the device
-    predicts none of them.
+    effort: of the search for the structure; advance: called with the stage, the number done, and
+    the total. Raises ValueError if fewer than three recordings can be used, or the device predicts
+    none of them.
     """
     runner = Local() if runner is None else runner
     compiled()

@@ -18,7 +18,7 @@ squares about the mean are smaller by w_i (y_i - mean)^2 / (1 - w_i / sum w), an
 the amount and for the choice of the recording.
 
 Limits: one change per parameter and device; a step needs two recordings on either side, since one
-alone would be an outlier. Of more than 200 dates only every second, third, ... is tried.
+alone would be an outlier. If there are more than 200 dates, only every second, third, ... is tried.
 """
 
 import math
@@ -35,10 +35,10 @@ from zwidth.shown import Valued
 
 Floats = NDArray[np.float64]
 STEP, DRIFT = "step", "drift"
-FEWEST = 4  # dated recordings, at least
+FEWEST = 4  # least number of dated recordings
 SIDE = 2  # recordings on either side of a step
 DATED, BEGUN = -2.0 * math.log(1.0 - math.sqrt(0.95)), 3.84
-DATES = 200  # dates at which a change may begin, at most
+DATES = 200  # most dates that are tried as the beginning of a change
 BELIEVED = 2.0 * math.log(1.0 / ALPHA)
 ALL = "all devices"
 

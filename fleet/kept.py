@@ -27,8 +27,8 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text
 
 DAMAGED = (OSError, ValueError, KeyError, TypeError)
-GROWN = 2.0  # times as many recordings: the structure is sought again
-MOVED = 0.5  # deviations by which expected values may move while a stored reason stays valid
+GROWN = 2.0  # growth of the number of recordings from which the structure is sought again
+MOVED = 0.5  # deviations: change of expected values up to which a stored reason is valid
 
 
 def digest(*words: str) -> str:

@@ -9,9 +9,9 @@ or a TOML with `[[recording]]` tables of the same keys (`file` for `recording`).
 required. `device` (or `unit`) is the recorded device; without it all recordings are of one device.
 `date` is ISO 8601. Every other column of numbers has known values that parameters may depend on.
 
-If a folder has a table (`fleet.csv`, `fleet.toml`), that lists its recordings. Otherwise every
-recording in the folder is used: recording TOMLs, logs, and data files that no TOML describes. Each
-subfolder is a device, and a date is read from the file's name (`2026-03-02` in it).
+If a folder has a table (`fleet.csv`, `fleet.toml`), this table lists its recordings. Otherwise
+every recording in the folder is used: recording TOMLs, logs, and data files that no TOML describes.
+Each subfolder is a device, and a date is read from the file's name (`2026-03-02` in it).
 """
 
 import csv
@@ -102,7 +102,7 @@ def listed_rows(rows: Sequence[Mapping[str, object]], folder: Path) -> list[List
 
     Raises ValueError as `listed`.
     """
-    table = folder / "recordings"  # how a message calls the row
+    table = folder / "recordings"  # the name of the row in messages
     return _of_rows(table, rows)
 
 

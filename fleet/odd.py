@@ -35,12 +35,12 @@ Floats = NDArray[np.float64]
 BIWEIGHT = 4.685  # deviations beyond which a recording has no weight
 TURNS = 30
 MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
-ROWS = 5  # recordings per column, at least
+ROWS = 5  # least number of recordings per column
 NO_MATTER = 0.01  # of a parameter: a smaller deviation does not matter
 NOISE, FREE = 0.15, 0.3  # least scatter of ln noise and ln free-run error between recordings
-HELD = 0.05  # of a recording: a sound reading never stands still for so long
-LOST_TIMES = 3.0  # times the others' error: above, the recording is wrong, not the structure
-FEWEST = 3  # recordings of a device, at least, that are compared with each other
+HELD = 0.05  # of a recording: a sound sensor's reading is never constant for so long
+LOST_TIMES = 3.0  # times the others' error, above which the recording is wrong, not the structure
+FEWEST = 3  # least number of recordings of a device that are compared with each other
 THEM, OWN, NOISE_OFF, FREE_OFF, STILL = "parameter", "within", "noise", "free run", "still"
 
 
@@ -122,7 +122,7 @@ def _within(off: Floats, s: Floats, devices: Sequence[str]) -> float:
     for every in places_by(devices).values():
         mine = every[np.isfinite(s[every])]
         if mine.size >= 2:
-            # From differences of consecutive recordings, to which a drift over years adds little.
+            # Differences of consecutive recordings, which contain little of a drift over years.
             about += (np.diff(off[mine]) / np.sqrt(2.0)).tolist()
             error += s[mine].tolist()
     if not about:
@@ -138,7 +138,7 @@ def odd_ones(
     n, q = len(quicks), len(names)
     asked = n * (2 * q + 3)
     t = float(student.isf(ALPHA / (2.0 * asked), max(3, n - 1)))
-    # Where devices differ, it is they that say by how much.
+    # If there are several devices, their number determines how well the scatter is known.
     count = len(set(devices))
     between = float(student.isf(ALPHA / (2.0 * asked), max(3, (count if count > 1 else n) - 1)))
     signs: dict[int, list[tuple[str, str, float]]] = {}

@@ -43,10 +43,10 @@ NUISANCE = (
     "gain",
     "change",
 )  # parameters of a run, not of a device
-QUIET = 0.05  # of a command's range: within it the command stands still
-STARTS, JUMPS = 6, 2.0  # samples after a standstill; their steps, times this, are no jump
+QUIET = 0.05  # of a command's range: within it the command counts as constant
+STARTS, JUMPS = 6, 2.0  # samples after a standstill; a jump exceeds their steps by this factor
 DRAWN = 160  # points of a recording that are stored for drawing
-UNTOLD = 0.98  # of the prior's variance: above, a recording does not determine a parameter
+UNTOLD = 0.98  # of the prior's variance, above which a recording does not determine a parameter
 
 
 @dataclass(frozen=True)
@@ -237,6 +237,6 @@ def from_arrays(values: Mapping[str, Any]) -> Quick:
         k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()
     }
     errors = own["errors"]
-    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # `fleet.kept` writes infinity so
+    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # `fleet.kept` writes infinity this way
     own["remarks"] = tuple(own["remarks"])
     return Quick(**own)

@@ -15,7 +15,7 @@ from zwidth.sim.trace import Trace
 
 
 def trace_of(path: Path) -> Trace:
-    """Return a recording of any kind; the content of another tool's file is guessed from its names.
+    """Return a recording of any kind; columns of another tool's file are guessed from their names.
 
     Raises LogError if it cannot be read.
     """

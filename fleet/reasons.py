@@ -145,8 +145,7 @@ def explained(question: Question) -> Reason:
     plain = math.inf if as_is is None else _cost(question, as_is, e.ticks)
     found: list[tuple[float, Reason, Hypothesis | None]] = []
     asked = 2.0 * math.log(max(1, len(every)))
-    # A recording read in the right way fits at the fleet's values: most ways need no fit of their
-    # own.
+    # A recording read in the right way fits at the fleet's values, so most ways need no fit.
     ranked = sorted(every, key=lambda way: _unfitted(way, model, start, e.ticks))
     for way in ranked[:FITTED]:
         h = _fit(way.experiment, model, start)
@@ -324,7 +323,7 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
         if found and other is not e:
             yield _Way("swapped", found[0].sentence, other, RARE)
         other, found = in_time(device, e)
-        if any(fault.wrong for fault in found):  # a command that acts later may be physics
+        if any(fault.wrong for fault in found):  # a late command may be physics
             yield _Way("late", found[0].sentence, other, RARE)
     if not question.odd.fits_badly:
         return

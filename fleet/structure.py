@@ -51,8 +51,8 @@ STEP_COST = 2.0 * math.log(1.0 / ALPHA)
 CANDIDATES = 3  # structures of each search that are tried on all recordings
 FAR = 4.0  # robust deviations beyond which a recording is not representative
 OPEN = Uncertainty(masses=1.0, springs=1.0, dampers=2.0)
-"""How far recordings of a fleet may be from its typical device: far enough to see that they are."""
-SHARE = 0.3  # of a value of the device file: one unit of x, unless a scale is known
+"""How far recordings of a fleet may be from its typical device: enough to notice odd ones."""
+SHARE = 0.3  # share of a device file's value that is one unit of x, unless a scale is known
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def known_structure(device: Device) -> Structure:
         }
         for p in free
     ]
-    # Asked for none by name, it takes all.
+    # Without a name, without_physics would remove all effects.
     bare = device.without_physics(*(p.effect.name for p in free)) if free else device
     return Structure(
         replace(bare, uncertainty=_open(device)), tuple(free), tuple(scales), ({},) * len(free)
@@ -213,7 +213,7 @@ def sought(
         except NoObserver:
             wanting -= 1
             continue
-        if tried.interrupted:  # an interrupted search has only its best so far
+        if tried.interrupted:  # an interrupted search has only its best hypothesis so far
             raise KeyboardInterrupt
         ranked = sorted(tried.tried.values(), key=lambda h: h.cost.total)
         for h in [tried.best, *ranked[:CANDIDATES]]:

@@ -9,8 +9,8 @@ the assumed force. So with the expected parameters x, and the drive off in [a, b
 on a grid of a twentieth of the recording, and then each edge is bisected down to a sample. The
 stretch is accepted if it halves the error of free runs, and if the error without it is larger than
 the motion itself. A wrong parameter of the device does not have this effect, and if the drive was
-on no stretch is accepted. (Leaving out a command of the wrong sign also halves the error; the
-caller compares with the other ways to read a recording.)
+always on, no stretch is accepted. (Leaving out a command of the wrong sign also halves the error;
+the caller compares with the other ways to read a recording.)
 
 Limits: one stretch, not the whole recording (that would be a free motion). The back-EMF of a
 winding still acts, as in a recording whose [enable] states that its drive was off.

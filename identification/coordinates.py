@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 MAX_MODES = MAX_MASSES - 1  # the most that a device may have
 MOST_DAMPED = 1.99  # c over omega, so that a mode oscillates
 STEP = 1e-6
-RANGE = 7.0  # of a logarithm, on either side of the start
+RANGE = 7.0  # of a logarithm on either side of the start
 MOST_DELAY = 50.0  # periods
 
 
@@ -71,7 +71,7 @@ class Coordinates:
         return np.column_stack(columns) / (2.0 * STEP) / scale[:, None]
 
     def bounds(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return bounds around a start (p,): a factor of 1e3, none above half the sampling."""
+        """Return bounds about a start (p,): a factor of 1e3, at most half the sampling rate."""
         top = np.log(np.pi / self.period)
         lower, upper = x - RANGE, x + RANGE
         for first in range(2, 2 + 4 * self.modes, 4):

@@ -23,7 +23,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.run import Start
 
-SAME_CYCLE = 5e-3  # of stiffness and frequency
+SAME_CYCLE = 5e-3  # relative difference of stiffness and frequency within a cycle
 POSITION, VELOCITY = 5e-3, 0.5  # half ranges of the random starts
 
 
@@ -75,8 +75,8 @@ class RelayCondition(Valued):
     def read(self) -> Cycle | None:
         """The limit cycle reported: the one that most starts reach; None if none is.
 
-        None if more starts diverge or stay undecided. If no other starts were run: the cycle of the
-        reference start with a share of 0, or None if that does not oscillate.
+        None also if more starts diverge or stay undecided. If no other starts were run: the cycle
+        of the reference start with a share of 0, or None if that run does not oscillate.
         """
         if self.verdict != "oscillates" or self.likeliest is not None:
             return self.likeliest

@@ -38,7 +38,7 @@ from zwidth.sim.chain import Chain, make_chain
 Floats = NDArray[np.float64]
 MOST_MASSES = 3
 LEAST_SAMPLES = 200
-WINDOW_S = 1.0  # longer than a damper's time constant, shorter than a wrong model stays in phase
+WINDOW_S = 1.0  # longer than a damper's time constant; a wrong model stays in phase for longer
 LEAST_WINDOW, LEAST_WINDOWS = 60, 6
 MOST_SAMPLES = 20_000  # windows of all recordings; of more, evenly spaced ones are used
 FIT_SHARE = 0.7
@@ -52,8 +52,8 @@ LEAST_DAMPED = 0.01  # least damper, over the inertia's force at the slowest mot
 STILL = 0.02  # of the rms speed, below which the sign of a speed is uncertain
 SHARES = (0.5, 0.15)  # starting shares of a further mass in the inertia
 MODES = 5  # starting frequencies of a further mass, between the band's ends
-STEPS = 40  # of one descent
-RANGE = 9.0  # of a logarithm, on either side of the start
+STEPS = 40  # most steps of a descent
+RANGE = 9.0  # of a logarithm on either side of the start
 
 
 @dataclass(frozen=True)
@@ -182,10 +182,9 @@ class Windows:
         )
 
     def split(self) -> tuple["Windows", "Windows"]:
-        """Return windows to fit on, and windows to judge by.
+        """Return windows to fit, and held-out windows.
 
-        Of every ten windows, the last three are to judge by, so that each of several recordings has
-        windows of either kind.
+        Of every ten windows, the last three are held out, so that each recording has both kinds.
         """
         count = self.outputs.shape[2]
         judged = np.arange(count) % 10 >= 10 * FIT_SHARE - 1e-9
@@ -194,7 +193,7 @@ class Windows:
         return self._only(~judged), self._only(judged)
 
     def of_one_mass(self) -> "Windows":
-        """Return the windows as if only the first output were known, and belonged to m1."""
+        """Return the windows with the first output only, as if it belonged to m1."""
         own = self.quantities[0][1]
         keep = [i for i, mass in enumerate(self.at) if i == 0 or mass == own]
         quantities = ((self.quantities[0][0], 0),)
@@ -281,7 +280,7 @@ def _matrices(x: Floats, n: int) -> tuple[Floats, Floats, Floats]:
     masses, dampers = np.exp(x[:n]), np.exp(x[n : 2 * n])
     springs, link_dampers = np.exp(x[2 * n : 3 * n - 1]), np.exp(x[3 * n - 1 : 4 * n - 2])
     damping, stiffness = np.diag(dampers), np.zeros((n, n))
-    stiffness[0, 0] = x[-1] * np.exp(x[0])  # as the square of a frequency; may be negative
+    stiffness[0, 0] = x[-1] * np.exp(x[0])  # x[-1] is the square of a frequency; may be negative
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
     for i in range(n - 1):
         ends = slice(i, i + 2)
@@ -367,7 +366,7 @@ def _residual(
     found = np.zeros(further.shape[1])
     brakes = windows.brakes[1:]
     kept = np.ones(found.size, dtype=np.bool_)
-    for _ in range(2):  # leave out friction that drives: it reproduces the measured motion
+    for _ in range(2):  # leave out "friction" that drives: it only reproduces the measured motion
         found[:] = 0.0
         found[kept] = np.linalg.lstsq(table[:, kept], target, rcond=None)[0]
         kept &= ~(brakes & (found < 0.0))
@@ -407,7 +406,7 @@ def _descended(windows: Windows, x: Floats, n: int, steps: int = STEPS) -> Float
 
 def _fitted(windows: Windows, n: int, simpler: Floats | None) -> Floats:
     """Return the best fit of n masses, started from a regression or from the fit of n - 1."""
-    if simpler is None and n > 1:  # from one body fitted to the first output alone, divided
+    if simpler is None and n > 1:  # divide one body that was fitted to the first output alone
         simpler = _fitted(windows.of_one_mass(), 1, None)
         for masses in range(2, n):
             simpler = next(_richer(windows, simpler, masses))
@@ -477,7 +476,7 @@ def _chain(x: Floats, n: int, windows: Windows) -> Chain:
     ground = max(0.0, float(x[-1] * np.exp(x[0]))) if windows.free else 0.0
     slow = 2.0 * np.pi / (windows.length * windows.period)
     masses, dampers = np.exp(x[:n]), np.exp(x[n : 2 * n])
-    dampers = np.maximum(dampers, LEAST_DAMPED * slow * masses)  # 0 has no logarithm
+    dampers = np.maximum(dampers, LEAST_DAMPED * slow * masses)  # a damper of 0 has no logarithm
     return make_chain(
         masses, dampers, ground, np.exp(x[2 * n : 3 * n - 1]),
         np.exp(x[3 * n - 1 : 4 * n - 2]),

@@ -38,7 +38,7 @@ FASTEST = 0.5  # of the loop's frequency [rad/s], over the sampling rate
 STEPS = 60
 
 Left = Callable[[Floats, Floats, Floats, int], Floats]
-"""Goal, motion, logarithms of frequency and damping ratio, delay in samples -> what is left."""
+"""Goal, motion, logarithms of frequency and damping ratio, delay in samples -> the residual."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def first_loop(motions: Sequence[Motion]) -> FirstLoop:
     kind = next((k for k in known if all(k in m.quantities for m in motions)), None)
     for motion in motions:
         if motion.command is None or kind is None:
-            raise RecordingError("a loop on the position needs a goal and the motion of m1")
+            raise RecordingError("a position loop needs a goal, and the position or velocity of m1")
         moved = motion.outputs[:, motion.quantities.index(kind)]
         pairs.append((motion.command[:MOST_SAMPLES], moved[:MOST_SAMPLES]))
     period = motions[0].period
@@ -160,7 +160,7 @@ def _fitted(
         return 2.0 * float(fit.cost), fit.x
 
     step = max(1, latest // MOST_DELAYS)
-    while True:  # refine: each delay needs its own loop, and the grid's is only rough
+    while True:  # refine: each delay needs its own fitted loop, and the grid is coarse
         near = [d for d in (late - step, late, late + step) if 0 <= d <= latest]
         lower = min(near, key=lambda d: descended(d)[0])
         if lower == late and step == 1:
@@ -182,7 +182,7 @@ def _answers(goals: Sequence[Floats], x: Floats, count: int, period: float, spee
     """
     frequency, ratio = np.exp(x).tolist()
     power = _over_a_sample(frequency, ratio, period)
-    held = np.array([1.0, 0.0]) - power[:, 0]  # to the position of a goal that is held
+    held = np.array([1.0, 0.0]) - power[:, 0]  # response of the position to a held goal
     poles = [1.0, -float(np.trace(power)), float(np.linalg.det(power))]
     own, other = (1, 0) if speed else (0, 1)
     zeros = [0.0, float(held[own]),

@@ -1,9 +1,9 @@
 """The ten parameters of eq. (1) from a frequency response, with valid confidence intervals.
 
-The model's response is computed as the data's: the position under the recorded command through the
-same windows, so leakage is in both and cancels (`identification/prediction.py`). The fit is
-weighted least squares over stable, interlacing modes (`identification/coordinates.py`), started and
-repeated as in `identification/search.py`, with the covariance of `identification/problem.py`.
+The model's response is computed like the data's, from the position under the recorded command in
+the same windows, so leakage cancels (`identification/prediction.py`). The fit is weighted least
+squares over stable, interlacing modes (`identification/coordinates.py`), started and repeated as in
+`identification/search.py`, with the covariance of `identification/problem.py`.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ Complexes = NDArray[np.complex128]
 MIN_COHERENCE = 0.5
 INDEPENDENT = 2.0 / 3.0  # share of the bins of half-overlapping Hann windows
 Z95 = 1.959963984540054
-LEAST_CHANGE = 0.03  # of the response, somewhere in the band, that a real mode makes
+LEAST_CHANGE = 0.03  # least change of the response, somewhere in the band, by a real mode
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def fit_data(
     delay: float | None = 0.0,
     say: Callable[[str], object] = lambda _: None,
 ) -> Fit:
-    """Fit a recording whose frequency response is known already; see `fit_response`."""
+    """Fit a recording whose frequency response is already known; see `fit_response`."""
     period = data.measured.windows.period
     if modes is not None:
         say(_with_modes(modes))

@@ -3,8 +3,8 @@
 Each pole of G adds Re(a f_k + b f_{k-1}) to the position: f is the delayed command through one
 filter, f_{k+1} = e^{pT} f_k + u_k; a and b hold residue and hold (`identification/output.py`).
 Coordinates change only a, b and e^{pT}, and the derivative of f by e^{pT} is the same filter
-applied to f. The derivatives by all coordinates therefore cost two filters and two or three
-transforms per pole, however many coordinates there are.
+applied to f. So the derivatives by all coordinates take two filters and two or three transforms per
+pole, whatever the number of coordinates.
 
 The motion before the recording began adds e^{pt} for each pole, and a constant force adds a ramp:
 `free_motion` returns their H1, to be projected out of a fit.

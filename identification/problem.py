@@ -6,7 +6,7 @@ Let g_p be the estimator's row for parameter p, dp = Re sum g_p conj(dH). Since 
 output's noise (`identification/response.py`), dp = sum_t c_p(t) n(t) with c_p the adjoint of g_p,
 and cov(p, q) = sum_f conj(C_p) C_q S_n(f) / N for noise of spectrum S_n. Overlap, taper and
 neighbouring bins are thereby accounted for exactly, to first order in the parameters. Limits: the
-command is assumed exact and the noise stationary; physics missing from the model is bias.
+command is assumed exact and the noise stationary; physics that the model lacks biases the result.
 """
 
 from typing import NamedTuple

@@ -7,8 +7,8 @@ part: from the peak of the averaged spectra of both signals and the empirical tr
 there. Here the two spectra are one long Blackman-Harris window each: on a line spectrum the ratio
 at the peak is the ratio of the harmonics, whatever the bin.
 
-The steady state is detected, not assumed: the run goes on until range and energy of the position
-agree between three stretches in a row. A run whose oscillation energy keeps growing has the verdict
+The steady state is detected, not assumed: the run continues until range and energy of the position
+agree in three consecutive stretches. A run whose oscillation energy keeps growing has the verdict
 "diverges" and no K_CR.
 
 The period of most cycles is a whole number of ticks, so K is off the boundary by up to 15 %. There

@@ -17,6 +17,6 @@ def executor(
     """
     if cluster is not None:
         if processes is not None:
-            raise ValueError("processes and a cluster are given; give one of them")
+            raise ValueError("both processes and a cluster are given; give only one")
         return Cluster(cluster)
     return nullcontext(Local() if processes is None else Processes(processes))

@@ -2,7 +2,7 @@
 
 If a worker dies, Dask gives its task to another worker. In addition, results that a restarted
 scheduler has forgotten are requested again; workers with other code than the driver's are refused,
-since their results would differ; and only as many tasks are in flight as keep all cores busy.
+since their results would differ; and only as many tasks are submitted as keep all cores busy.
 """
 
 import errno
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 NOISY = ("distributed", "distributed.client", "tornado.application")
-PROCESS = uuid4().hex  # of this process; a worker has another one
-LOOK_EVERY = 0.5  # [s] for lost workers and a lost scheduler
-ANSWER_WITHIN = 10.0  # [s] for a scheduler and its first worker, when connecting
+PROCESS = uuid4().hex  # identifies this process; a worker has another identifier
+LOOK_EVERY = 0.5  # [s] between checks for lost workers and a lost scheduler
+ANSWER_WITHIN = 10.0  # [s] to wait for a scheduler and its first worker when connecting
 
 
 def _work(function: Callable[[Task], Result], wanted: str, driver: str, task: Task) -> Result:
@@ -135,7 +135,7 @@ class Cluster:
                     raise failure
                 try:
                     result = future.result(self.patience)
-                except TimeoutError:  # finished, but lost with its worker, the last one
+                except TimeoutError:  # finished, but lost with the last worker
                     finished.put(future)
                     continue
                 except (CancelledError, OSError):

@@ -19,7 +19,7 @@ from typing import Protocol, TypeVar
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 AHEAD = 4  # waiting tasks per core, so that no core is idle
-PATIENCE = 3  # losses of workers in a row, with nothing finished between, that are tolerated
+PATIENCE = 3  # tolerated losses of workers in a row with nothing finished between them
 
 
 class Executor(Protocol):

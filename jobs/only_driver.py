@@ -1,4 +1,4 @@
-"""A lock on a folder: two programs would do all work twice and overwrite each other's results."""
+"""A lock on a folder, so that two programs do not repeat work or overwrite each other's results."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-NAME = ".lock"  # stays, empty; the system releases a killed program's lock
+NAME = ".lock"  # an empty file that stays; the system releases a killed program's lock
 
 
 @contextmanager

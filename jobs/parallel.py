@@ -60,7 +60,7 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Res
             if not helper.cancel():
                 helper.result()
     finally:
-        over.set()  # after an interrupt here no more tasks are started either
+        over.set()  # also after an interrupt, no more tasks are started
     if broken:
         raise broken[min(broken)]
     return [found[i] for i in range(len(tasks))]

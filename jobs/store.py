@@ -72,7 +72,7 @@ class PartStore:
         would take ten times as long as writing a part.
         """
         buffer = io.BytesIO()
-        # numpy 2.1 would take allow_pickle for a further array.
+        # numpy 2.1 would treat allow_pickle as another array.
         np.savez(buffer, **dict(arrays))  # pyright: ignore[reportArgumentType]
         write_bytes(self._file(number), buffer.getvalue(), wait=False, own=True)
 

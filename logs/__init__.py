@@ -1,1 +1,1 @@
-"""A trace to a file and back: MCAP logs that viewers open and replays trust."""
+"""Writes traces to files and reads them back: MCAP logs, and recordings of other tools."""

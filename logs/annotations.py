@@ -1,7 +1,7 @@
 """Annotations of stretches of time in a log, as viewers of MCAP files show them.
 
 Each annotation is written twice: as a `foxglove.Event`, which has a beginning and an end, and as a
-`foxglove.Log`, which has a severity and stands in a log panel. Foxglove knows both by their names;
+`foxglove.Log`, which has a severity and appears in a log panel. Foxglove knows both by their names;
 PlotJuggler and Rerun read any protobuf, and Rerun shows a `foxglove.Log` as text.
 
 Schemas: https://docs.foxglove.dev/docs/sdk/schemas/event and .../log
@@ -76,8 +76,8 @@ LOG = """
 class Annotation(NamedTuple):
     """An annotation of a stretch of time, from start [s] to end [s], inclusive.
 
-    name: a word that no other annotation of the log has. text: one sentence. details: more of it,
-    by name; "name", "severity" and "text" are taken.
+    name: unique within the log. text: one sentence. details: further values by name; the names
+    "name", "severity" and "text" are reserved.
     """
 
     start: float
@@ -91,7 +91,7 @@ class Annotation(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """One way to write annotations: its topic and schema, and the fields of one of them."""
+    """One way to write annotations: its topic and schema, and the fields of an annotation."""
 
     topic: str
     message: str
@@ -135,10 +135,10 @@ def annotation_records(first_id: int) -> list[tuple[Schema, Channel]]:
 def annotation_chunks(
     annotations: Sequence[Annotation], first_id: int, epoch_ns: int
 ) -> Iterator[Content]:
-    """Yield the annotations as one chunk a topic, in the order of their beginnings.
+    """Yield the annotations as one chunk per topic, in the order of their beginnings.
 
-    Raises LogBlockError for times that a log cannot hold, an end before its beginning, an unknown
-    severity, and names that are there twice.
+    Raises LogBlockError for times that a log cannot store, an end before its beginning, an unknown
+    severity, and repeated names.
     """
     ordered = sorted(annotations, key=lambda one: one.start)
     _check(ordered)

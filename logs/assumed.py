@@ -1,10 +1,10 @@
-"""A recording TOML for a file that nobody described: complete, with what was assumed in sentences.
+"""A complete recording TOML for a file without a description, and its assumptions in sentences.
 
-`guess.draft` leaves open what a file does not say, for a person to fill in. This one is for
-continuing at once: it assumes SI if no unit is given, a thousand samples a second if there is no
-time, and one for an unknown scale, so that forces are counted in the command's own unit. It says
-so, asks if somebody can answer, and names what the numbers make doubtful: a step of 0.09 in an
-angle is 360 degrees in 4000, and no encoder counts such a part of a radian.
+`guess.draft` leaves unknown entries open for a person to fill in. This TOML is used at once: it
+assumes SI if no unit is given, 1000 samples per second if there is no time, and a scale of one if
+the scale is unknown, so that forces are in the command's own unit. It states these assumptions,
+asks if somebody can answer, and reports doubtful numbers: a step of 0.09 in an angle is 360 degrees
+/ 4000, and no encoder has such a step in radians.
 """
 
 import math
@@ -55,23 +55,23 @@ from zwidth.logs.units import ELECTRICAL, GOAL, SI, TURN, Unit, find_unit
 from zwidth.sim.nearest import nearest
 
 Ask = Callable[[str, Sequence[str], str], str]
-"""Asks a question with answers to choose from (none: any text) and one that is taken for Enter."""
+"""Asks a question with possible answers (none: any text) and a default, which Enter chooses."""
 
 GOAL_OF_LOOP, BARE_GOAL, MEASURED, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 6.2, 6.5, 7.5, 8.0
-"""Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed. A
-torque or a current that was measured comes after the goal of the loop that makes it."""
-SPEED_GOAL = "is a speed to go to"  # in the doubt that `zwidth/speed_loops.py` makes good
+"""Ranks after the direct commands (`roles.rank`): goals that are named, bare, and of a speed. A
+measured torque or current comes after the goal of the loop that produces it."""
+SPEED_GOAL = "is a speed to go to"  # part of a doubt that `zwidth/speed_loops.py` resolves
 OF_AMPLIFIER = {"current": "A", "voltage": "V"}
 MOTIONS = ("position", "velocity")
 NO_COMMAND = ("other", "acceleration", "error")
 PERIOD_S = 0.001
 DAYS = ((36_526.0, 73_050.0), (730_486.0, 767_010.0))  # 2000 to 2100 in Excel, and in MATLAB
-SHORTEST_S = 2e-5  # steps below which a number of that size counts days: 1.7 s of them
-FEWEST = 10  # samples in a column, below which nothing is guessed from them
-TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
-LEAST_LINES, MOST_LINES = 100.0, 1e7  # of an encoder, a turn
-WHOLE = 2e-3  # of a line, by which the lines of a turn may miss a whole number
-COUNTED = 64.0  # whole numbers of travel, from which on a position without a unit is in counts
+SHORTEST_S = 2e-5  # in days (1.7 s): smaller steps in that range show that days are counted
+FEWEST = 10  # samples in a column, below which nothing is guessed from its values
+TURNS, METRES = 5.0, 3.0  # travel beyond which radians and metres are doubtful
+LEAST_LINES, MOST_LINES = 100.0, 1e7  # per turn of an encoder
+WHOLE = 2e-3  # of a line: largest deviation of the lines per turn from a whole number
+COUNTED = 64.0  # travel in whole numbers, above which a position without a unit is in counts
 COUNTS = "counts"
 USUAL_RATES = (
     1.0,
@@ -87,17 +87,17 @@ USUAL_RATES = (
     6.0,
     8.0,
 )  # Hz, times powers of 10
-NEAR = 0.025  # by which a rate that a speed tells may miss a usual one; 4.5 %: rpm beside radians
+NEAR = 0.025  # largest deviation of a rate found by a speed from a usual one (rpm and rad: 4.5 %)
 FINE, FINE_STEP = {"sample", "time", "fine"}, 4000.0  # Xsens: 10 kHz in MTi, 1 MHz in DOT
 NOBODY = "none"
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A signal as a channel: name, spelled unit (None: none is known), what the TOML says of it.
+    """A signal as a channel: name, unit as spelled (None: unknown), and its lines in the TOML.
 
-    per: the key and the number of counts if each is taken for one of SI; goal and motion of a loop
-    both state it, so that one number corrects both.
+    per: the key and the number of counts if a count is treated as one SI unit; goal and motion of a
+    loop both state it, so that one number corrects both.
     """
 
     signal: str
@@ -109,7 +109,7 @@ class Channel:
 
 @dataclass
 class Assumed:
-    """The text of a TOML, what it takes the file for (role, sentence), and what is doubtful."""
+    """The text of a TOML, its interpretation of the file (role, sentence), and its doubts."""
 
     text: str = ""
     roles: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
@@ -123,27 +123,26 @@ def assumed(
     joint: str | None = None,
     given: Mapping[str, str] | None = None,
 ) -> Assumed:
-    """Return what to take the signals of a file for; file: its path as the TOML is to give it.
+    """Return the assumed meaning of a file's signals; file: its path as written in the TOML.
 
-    ask: how to ask a person, if somebody can answer. joint: the number or name of the joint to
-    take, of a file with several. given: time, command, position or velocity -> the signal that the
-    user named for it. Raises RecordingError if nothing in it seems to move, or there is no such
-    joint.
+    ask: asks a person, if somebody can answer. joint: the number or name of the joint to use, if a
+    file has several. given: time, command, position or velocity -> the signal that the user chose
+    for it. Raises RecordingError if nothing in it seems to move, or there is no such joint.
     """
-    with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
+    with np.errstate(all="ignore"):  # an overflow means no similarity
         return _Reader(source, file, ask, joint, given or {}).read()
 
 
 @dataclass(frozen=True)
 class Joints:
-    """The joints of a file: what `joint` calls each that moves, with its signal, and still ones."""
+    """The joints of a file: moving ones by their name for `joint`, with signals; still ones."""
 
     moving: dict[str, str]
     still: tuple[str, ...]
 
 
 def joints_of(source: Source) -> Joints:
-    """Return the joints whose motion a file holds.
+    """Return the joints whose motion a file contains.
 
     Raises RecordingError if fewer than two move, as in a file of one device.
     """
@@ -190,8 +189,8 @@ class _Reader:
         self.speed = False  # whether the command is the goal of a loop on the speed
         self.counted = False  # whether the position is in counts
         self.t = np.empty(0)
-        self.clock: list[str] = []  # the line of a period that a speed tells
-        self.guessed: int | None = None  # which doubt says that the period is a guess
+        self.clock: list[str] = []  # the line of a period found from a speed
+        self.guessed: int | None = None  # index of the doubt that the period is a guess
 
     def read(self) -> Assumed:
         self._are_some()
@@ -480,7 +479,7 @@ class _Reader:
         own = [re.sub(r"_m_(\d)$", r"_m\1", "_".join(self.names[n].words)) for n in known]
         masses = all(re.fullmatch(f"{quantity}_m[1-5]", one) for one in own)
         if masses and not driven and len(set(own)) == len(known):
-            return dict(zip(own, known, strict=True))  # as zwidth names those of one device
+            return dict(zip(own, known, strict=True))  # named like masses of one device
         if (sides := sided(known)) and not (indexed and (len(arrays) > 2 or driven)):
             self.found.doubts.append(
                 f"{sides[0]} is taken for the side that is driven, {sides[1]} for the other, m2"
@@ -490,7 +489,7 @@ class _Reader:
         each = all(
             joints.get(name) and any(set(joints[name]) <= set(self.names[d].joint) for d in driven)
             for name in known
-        )  # has a drive of its own: joints, and no two sides of one
+        )  # each has its own drive, so they are joints, not two sides of one
         if apart and (indexed or len(known) > 2 or each):
             moved = {name: span(self.source.signals[name]) for name in known}
             first = max(known, key=lambda name: moved[name])
@@ -529,7 +528,7 @@ class _Reader:
             return known
         same = [n for n in known if own <= set(self.names[n].joint)]
         numbers = {word for word in own if word.isdigit()}
-        if not same and numbers:  # words besides may be of the quantity: AIPos.A2, MACur.A2
+        if not same and numbers:  # other words may belong to the quantity: AIPos.A2, MACur.A2
             same = [n for n in known if numbers <= set(self.names[n].joint)]
         others = [n for n in known if not self._key(n)]
         return [n for n in known if n in same or n in others] if same or others else known
@@ -801,7 +800,7 @@ class _Reader:
             self.found.doubts.append(f"{signal.name} is read in {spelled}{hint}")
 
     def _asked(self, question: str, answers: Sequence[str], default: str) -> str:
-        # Of one answer there is nothing to ask.
+        # With one possible answer there is nothing to ask.
         return default if self.ask is None or len(answers) == 1 else (
             self.ask(question, answers, default))  # fmt: skip
 

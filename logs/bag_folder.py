@@ -1,12 +1,12 @@
 """Recordings of ROS 2 without ROS: a folder of `ros2 bag record`, or one SQLite3 file of it.
 
-A folder holds metadata.yaml and one or more files, MCAP or SQLite3 (.db3), which follow each other.
-Of metadata.yaml only the names of these files are taken, and only files in the folder itself. In a
-SQLite3 file messages lie in CDR, as in MCAP; from ROS 2 Iron on it has the definitions of their
-types. For older ones the definitions of standard types come from `rosbags`.
+A folder contains metadata.yaml and one or more consecutive files, MCAP or SQLite3 (.db3). Only the
+names of these files are read from metadata.yaml, and only files in the folder itself are used.
+Messages in a SQLite3 file are in CDR, as in MCAP; from ROS 2 Iron on it has the definitions of
+their types. For older files the definitions of standard types come from `rosbags`.
 
-A bag may be compressed by zstd, each file as a whole, NAME.zstd, or each message by itself; of the
-latter metadata.yaml tells alone.
+A bag may be compressed by zstd: each file as a whole (NAME.zstd), or each message by itself, which
+only metadata.yaml states.
 """
 
 import re
@@ -33,8 +33,8 @@ LARGEST = 1 << 20  # bytes of metadata.yaml
 LISTED = re.compile(r"^\s*-\s*[\"']?(.+?)[\"']?\s*$")
 MODE = re.compile(r"^\s*compression_(mode|format):\s*[\"']?(\w+)", re.MULTILINE)
 ZSTD = b"\x28\xb5\x2f\xfd"
-MOST_DEFINED = 1 << 22  # characters of definitions, each as often as a topic is of its type
-MOST_BYTES, MOST_OF_MESSAGE = 1 << 33, 1 << 28  # of a file, unpacked, and of a message
+MOST_DEFINED = 1 << 22  # characters of definitions, each counted once per topic of its type
+MOST_BYTES, MOST_OF_MESSAGE = 1 << 33, 1 << 28  # of an unpacked file, and of a message
 
 
 def is_bag(path: Path) -> bool:
@@ -110,7 +110,7 @@ def _unpacked(data: bytes) -> bytes:
 def read_sqlite(path: Path, data: bytes, unpack: Callable[[bytes], bytes] | None = None) -> Source:
     """Return the signals of one SQLite3 file of a bag; raises RecordingError. data: not needed.
 
-    unpack: of messages that are compressed each by itself.
+    unpack: decompresses a message, if each was compressed by itself.
     """
     del data
     topics: dict[int, Topic | str] = {}
@@ -145,8 +145,8 @@ def read_sqlite(path: Path, data: bytes, unpack: Callable[[bytes], bytes] | None
                     unpacked += len(told)
                     if unpacked > most:
                         raise ValueError(
-                            f"its messages unpack to more than {most >> 20} MiB, the most that a"
-                            " file of its size may; record a part of it"
+                            f"its messages unpack to more than {most >> 20} MiB, too much for a"
+                            " file of this size; record a shorter bag"
                         )
                     topic.take(Message(int(number), int(stamp), told, int(stamp), 0))
     except RecordingError:

@@ -1,10 +1,10 @@
-"""Cells of text: which are numbers, which are blank, and when a column of them is a signal.
+"""Cells of text: which are numbers, which are blank, and which columns of them are signals.
 
 A column in which numbers outnumber text is a signal with gaps: each cell of text becomes NaN, is
 counted, and the first is quoted. A gap loses only its sample, since nothing is computed across it,
-so a stray text is no reason to lose a column; even if nearly half of a column is text, the numbers
-between may be complete stretches. A column with at least as many texts as numbers contains words, a
-few of which happen to be digits. Blank cells count for neither.
+so stray text does not make a column useless; even if nearly half of a column is text, the numbers
+in between may be complete stretches. A column with at least as many texts as numbers is a column of
+words, some of which are digits. Blank cells do not count.
 """
 
 import math
@@ -41,7 +41,7 @@ class Tally:
 
     @property
     def is_text(self) -> bool:
-        """True where texts are at least as many as numbers."""
+        """True if there are at least as many texts as numbers."""
         return self.texts >= max(self.numbers, 1)
 
     def note(self, name: str, cells: int) -> str:

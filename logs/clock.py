@@ -16,7 +16,7 @@ LONGEST = 9.2e9  # seconds that 63 bits of nanoseconds can count
 
 
 def to_log_time(t: Floats, epoch_ns: int) -> tuple[NDArray[np.uint64], Floats]:
-    """Return (log times [ns], residuals [s]); raises LogBlockError for times a log cannot hold."""
+    """Return (log times [ns], residuals [s]); raises LogBlockError for times out of range."""
     inside = np.abs(t) < LONGEST  # False for NaN too
     if not inside.all():
         bad = t[np.argmin(inside)]

@@ -6,7 +6,7 @@
     ; 0; 0.10
     ; 10; 0.12
 
-Times are milliseconds, of each variable its own; blocks may differ in length.
+Each variable has its own times, in milliseconds; blocks may differ in length.
 """
 
 import re
@@ -23,7 +23,7 @@ START = re.compile(
     rb"(?:\xef\xbb\xbf)?\s*\[key\]\s*;\s*\[value\]|(?:\xef\xbb\xbf)?\d+\.Variable\s*;"
 )
 MILLISECOND = 1_000_000  # ns
-LATEST = 9.2e12  # ms that nanoseconds of 63 bits can count
+LATEST = 9.2e12  # largest time in ms: nanoseconds with 63 bits
 
 
 def is_trace(data: bytes) -> bool:

@@ -49,7 +49,7 @@ class Content(NamedTuple):
 
 
 def encode(*records: McapRecord) -> bytes:
-    """Return records as they stand in a file."""
+    """Return records as the bytes of a file."""
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
@@ -58,7 +58,7 @@ def encode(*records: McapRecord) -> bytes:
 
 @dataclass
 class Container:
-    """Appends records to a sink; nothing is readable of a record that was not written whole."""
+    """Appends records to a sink; a record that was not written whole cannot be read at all."""
 
     sink: Sink
     schemas: list[Schema] = field(default_factory=list[Schema])

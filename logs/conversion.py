@@ -1,4 +1,4 @@
-"""Convert raw numbers of a signal to the SI values of a channel; return a sentence on how, too."""
+"""Convert raw numbers of a signal to the SI values of a channel, with a sentence that says how."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 
 @dataclass(frozen=True)
 class Converted:
-    """values (samples,) in SI. rotary: what the unit shows, None if it does not.
+    """values (samples,) in SI. rotary: as the unit shows, None if it does not.
 
-    goal: whether they are positions to go to, or speeds that `integrated` makes such positions of.
+    goal: whether they are goals of position, or of speed, which `integrated` converts.
     """
 
     values: Floats
@@ -59,11 +59,11 @@ def convert(entry: Entry, signal: Signal) -> Converted:
 
 
 def integrated(goal: Floats, t: Floats, integral_time: float) -> Floats:
-    """Return the position that a loop on the speed goes to: its goal's integral, and T times it.
+    """Return the goal of position of a speed loop: the integral of its goal, plus T times the goal.
 
-    goal (samples,) is held from sample to sample, and so is the result, at the mean of the integral
-    over each. If a goal is missing, the integral continues with the last one, and the result is
-    NaN.
+    goal (samples,) is held from sample to sample. The result is held too, at the mean of the
+    integral over each sample. If a goal is missing, the integral continues with the last one, and
+    the result is NaN.
     """
     known = np.isfinite(goal)
     last = np.maximum.accumulate(np.where(known, np.arange(goal.size), 0))
@@ -106,9 +106,7 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
     if unit.si.startswith("counts"):
         unit = _counts(entry, unit)
     if entry.scale is None and unit.si not in _allowed(entry):
-        allowed = " or ".join(
-            dict.fromkeys(QUANTITIES[entry.quantity])
-        )  # of a goal no scale is asked
+        allowed = " or ".join(dict.fromkeys(QUANTITIES[entry.quantity]))  # a goal needs no scale
         if not allowed:
             raise RecordingError(
                 f"{signal.name!r} is in {entry.unit}, and {entry.channel} has no unit; leave unit"

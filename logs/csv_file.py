@@ -1,7 +1,7 @@
-"""Text tables: CSV, TSV and tables separated by blanks, whatever tool wrote them.
+"""Text tables of any tool: CSV, TSV and tables separated by blanks.
 
 Lines that begin with #, % or // are comments. A blank cell is NaN, and so is a cell of text in a
-column of numbers, which the signal's note tells with its line. A column of text does not spoil the
+column of numbers; the signal's note reports it with its line. A column of text does not affect the
 others: it is reported as unreadable, with line and column of its first text.
 """
 
@@ -29,10 +29,10 @@ from zwidth.logs.labelled_text import table_of
 from zwidth.logs.source import Floats, RecordingError, Signal, Source
 from zwidth.logs.written_time import is_date, nanoseconds_of
 
-ABOUT = "# zwidth "  # begins the line of JSON in a file of our own
+ABOUT = "# zwidth "  # beginning of the line of JSON in a file that zwidth wrote
 COMMENTS = ("#", "%", "//")
-MOST_WORDS = 64  # of a column that tells what each row is of
-TORN, SPOKEN = 0.01, 0.1  # of the rows, that may be spoiled, and that may be words
+MOST_WORDS = 64  # most different words in a column that says what each row belongs to
+TORN, SPOKEN = 0.01, 0.1  # largest shares of rows that are damaged, and that are words
 
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
@@ -44,10 +44,10 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
         notes.append("each number stands beside its name, and other lines are left out")
     lines = _lines(text)
     about = _about(path, lines.comments)
-    if about and len(lines.text) == 1:  # a log of ours without a sample
+    if about and len(lines.text) == 1:  # a log of zwidth without a sample
         empty = dict.fromkeys(lines.text[0].split(","), "is empty")
         return Source(path, "text table (commas)", {}, empty, about=about)
-    if about:  # whatever its columns are called, "nan" among them
+    if about:  # even if a column is called "nan"
         options = CsvOptions(",", ".", lines.numbers[0])
     form = find_form(path, lines, options)
     if form.left_out:
@@ -84,7 +84,7 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
                 signals[f"{name}[{k}]"] = Signal(f"{name}[{k}]", lists[:, k], unit)
             continue
         values, note = column
-        if name or not np.isnan(values).all():  # a delimiter at the end of every line names none
+        if name or not np.isnan(values).all():  # else only a delimiter at the end of every line
             name = name or f"column{len(signals) + 1}"
             signals[name] = Signal(name, values, unit, note=note)
     told = {name: column for name, column in words.items() if column is not None}
@@ -129,7 +129,7 @@ def _columns(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[
     """Return each column as float64 with its note, or a sentence on why it is text."""
     try:
         return [(column, "") for column in _fast(rows, form)]
-    except ValueError:  # a text, a ragged line, a plus sign: the slow way says which, or reads it
+    except ValueError:  # text, a ragged line, a plus sign: the slow parser reads or reports it
         return _slow(rows, numbers, form)
 
 
@@ -153,7 +153,7 @@ def _fast(rows: list[str], form: Form) -> Iterable[Floats]:
         ),
     )
     if table.num_rows != len(rows):
-        raise ValueError("a cell contains a line end")
+        raise ValueError("a cell contains a line break")
     return [_doubles(table[c].chunks) for c in columns]
 
 

@@ -1,8 +1,8 @@
-"""How a text table is laid out, found out from its first lines.
+"""The layout of a text table, detected from its first lines.
 
-The delimiter and the decimal mark are those with which most cells of a run of lines are numbers.
-The line before the first number names the columns, with units in brackets behind the names or on a
-line of their own. What cannot be detected can be stated in the table [csv] of a recording TOML.
+The delimiter and decimal mark are those with which most cells of consecutive lines are numbers. The
+line before the first number names the columns, with units in brackets behind the names or on a line
+of their own. What cannot be detected can be stated in the table [csv] of a recording TOML.
 """
 
 import csv
@@ -22,7 +22,7 @@ DIALECTS = [
     *((delimiter, decimal) for decimal in ".," for delimiter in "\t;,"),
     *((" ", decimal) for decimal in ".,"),
 ]
-SNIFFED = 200  # lines from which the dialect is found out
+SNIFFED = 200  # lines from which the dialect is detected
 MOST_COLUMNS = 10_000
 BEGINS_A_NUMBER = re.compile(r"[+-]?[.,]?\d")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
@@ -46,7 +46,7 @@ NOTHING_SAID = CsvOptions()
 
 @dataclass(frozen=True)
 class Lines:
-    """The lines that are neither blank nor comments, and where each stands in the file, from 1."""
+    """The lines that are neither blank nor comments, and their line numbers in the file, from 1."""
 
     text: list[str]
     numbers: Sequence[int]
@@ -54,10 +54,10 @@ class Lines:
 
 
 class Run(NamedTuple):
-    """Lines that follow each other, of `width` cells each, with a number in every one of them.
+    """Consecutive lines of `width` cells, each with at least one number.
 
-    weight: cells that are numbers, times their share; times three where the line above names them,
-    which outweighs that a comma taken for a delimiter makes two numbers of one.
+    weight: cells that are numbers, times their share; times three if the line above names them. The
+    factor outweighs the doubled count of numbers if a decimal comma is read as a delimiter.
     """
 
     weight: float
@@ -66,7 +66,7 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True)
 class Form:
-    """How the table is laid out.
+    """The layout of a table.
 
     first: index of the first line of data. left_out: numbers of the lines above that are neither
     names nor units.

@@ -5,11 +5,11 @@
     [supply]                    # channel `supply`: the voltage over its nominal one
     signal = "input_volts"
     unit = "V"
-    nominal = 12.0              # [V]: what the device file's numbers are at
+    nominal = 12.0              # [V]: voltage at which the device file's numbers hold
 
 The force of a drive is multiplied by its supply over the nominal one, and is zero while it is off.
-Both are states, held between their samples as a command is, and act at once: the delay of a command
-does not apply to them.
+Both are states, held between their samples like a command, and act at once, without the delay of a
+command.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Joint states that `ros2 topic echo --csv` writes: one line per message, and no line of names.
+"""Joint states written by `ros2 topic echo --csv`: one line per message, no line of names.
 
     1741089600,250000000,base_link,elbow,wrist,0.1,0.2,0.01,0.02,1.5,0.3
 
@@ -23,7 +23,7 @@ START = re.compile(rb"(?:\xef\xbb\xbf)?(\d{1,10}),(\d{1,9}),([^,\r\n]*),([A-Za-z
 QUANTITIES = ("position", "velocity", "effort")
 MOST_JOINTS = 200
 SECOND = 1_000_000_000
-LATEST = 9_200_000_000  # s that nanoseconds of 63 bits can count
+LATEST = 9_200_000_000  # largest time in s: nanoseconds with 63 bits
 
 
 def is_echo(data: bytes) -> bool:

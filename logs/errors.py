@@ -22,7 +22,7 @@ class LogEmpty(LogError):
 
 
 class NotMcap(LogError):
-    """The file is no MCAP file at all."""
+    """The file is not an MCAP file."""
 
 
 class ForeignLog(LogError):
@@ -34,7 +34,7 @@ class LogDamaged(LogError):
 
 
 class LogBlockError(LogError):
-    """Samples or events that do not fit the log they are appended to."""
+    """Samples or events that do not fit the log to which they are appended."""
 
 
 class LogPathError(LogError):
@@ -42,10 +42,10 @@ class LogPathError(LogError):
 
 
 class LogWriteError(LogError, OSError):
-    """The machine failed while the log was written: a full disk, a lost share.
+    """The machine failed while the log was written: a full disk, a lost network share.
 
-    An OSError too (errno, strerror, filename), so that a program can tell a failure of the machine
-    from a wrong request.
+    Also an OSError (errno, strerror, filename), so that a program can distinguish a failure of the
+    machine from a wrong request.
     """
 
     def __init__(self, errno: int, sentence: str, filename: str) -> None:

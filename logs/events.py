@@ -36,7 +36,7 @@ class Event(NamedTuple):
 
 
 class EncodedEvents(NamedTuple):
-    """Message records, and where each begins: log times (n,) [ns] and offsets (n,)."""
+    """Message records, with the log times (n,) [ns] and offsets (n,) of each."""
 
     content: bytes
     log_times: list[int]
@@ -56,7 +56,7 @@ def encode_events(
 ) -> EncodedEvents:
     """Encode events as message records that begin head bytes into their chunk.
 
-    Raises LogBlockError for a time a log cannot hold, or text that UTF-8 cannot hold.
+    Raises LogBlockError for a time that a log cannot store, or text that UTF-8 cannot encode.
     """
     t = np.array([event.t for event in events], dtype=np.float64)
     log_times, residuals = to_log_time(t, epoch_ns)

@@ -1,13 +1,13 @@
-"""How much a workbook becomes in its reader, found before the reader sees it.
+"""How much memory a workbook needs in its reader, found before the reader opens it.
 
 The reader makes a table of all cells up to the furthest one, and copies a shared text into each
-cell that has it. So one cell at XFD1048576, in 2 KB, asks for 549 GB, and where it gets none the
-process ends. Hence every sheet is gone through as a stream first, for its furthest cell and for the
-uses of its shared texts. What is counted is never less than what the reader makes: a cell is at
-least one column beyond the last one, whatever place it says.
+cell that has it. So one cell at XFD1048576, in a file of 2 KB, requests 549 GB, and without this
+memory the process ends. So every sheet is first scanned as a stream for its furthest cell and the
+uses of its shared texts. The result is never less than what the reader allocates: a cell counts as
+at least one column beyond the last one, whatever position it states.
 
-The reader is given an archive made anew of the parts that were gone through, and so reads what was
-checked, also of a file that is several archives or formats at once.
+The reader gets a new archive of the scanned parts, so it reads what was checked, even if the file
+is several archives or formats at once.
 """
 
 import io
@@ -21,26 +21,26 @@ from xml.parsers import expat
 from zwidth.logs.source import RecordingError
 from zwidth.logs.unpacked import most_bytes, refuse_bomb
 
-MOST_BYTES = 1 << 31  # of a workbook, unpacked, and of its tables
-CELL_BYTES = 32  # of a cell in the reader, also of an empty one
+MOST_BYTES = 1 << 31  # of an unpacked workbook, and of its tables
+CELL_BYTES = 32  # of a cell in the reader, even if it is empty
 COPIES = 2  # of a text in a cell: the reader's and Python's
-PARTS = (".xml", ".rels")  # of an XLSX, as far as the reader reads it
-BINARY = "xl/workbook.bin"  # of an XLSB
+PARTS = (".xml", ".rels")  # the parts of an XLSX that the reader reads
+BINARY = "xl/workbook.bin"  # present in an XLSB
 SHARED = re.compile(rb"[<:]si[\s/>]")  # a shared text
-CELL, MARK = re.compile(rb"[<:]c[\s/>]"), re.compile(rb"[\"']s[\"']")  # of any form
+CELL, MARK = re.compile(rb"[<:]c[\s/>]"), re.compile(rb"[\"']s[\"']")  # of any prefix
 COLUMN = re.compile(rb'<(?:x:)?c r="([A-Z]{1,3})[0-9]{1,7}"')
 ROW = re.compile(rb'<(?:x:)?c r="[A-Z]{1,3}([0-9]{1,7})"')
 NUMBER = re.compile(rb't="s"><(?:x:)?v>([0-9]{1,9})</')
 DIGITS = "0123456789"
-LONGEST = 18  # letters or digits of a place
+LONGEST = 18  # letters or digits of a cell's position
 
 Start = Callable[[str, dict[str, str]], object]
 
 
 def bounded(path: Path, data: bytes) -> bytes:
-    """Return a workbook's archive, made anew of what the reader may read of it.
+    """Return a new archive with the parts of a workbook that the reader may read.
 
-    Raises RecordingError if it unpacks to more than a file of its size may, or its tables do.
+    Raises RecordingError if it or its tables unpack to more than a file of its size may.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         every = archive.infolist()
@@ -54,8 +54,8 @@ def bounded(path: Path, data: bytes) -> bytes:
         for name, count in names.items():
             if count > 1:
                 raise RecordingError(
-                    f"{path.name} has {count} parts named {name!r}, and a workbook has one of a"
-                    " name; save it anew"
+                    f"{path.name} has {count} parts named {name!r}, but the names in a workbook"
+                    " are unique; save it again"
                 )
         entries = [entry for entry in every if entry.filename.lower().endswith(PARTS)]
         lengths: list[int] = []
@@ -140,8 +140,8 @@ class _Sheet:
         self.longest = max(lengths, default=0)
         self.rows, self.columns, self.texts = 0, 0, 0
         self._row, self._column = 0, 0  # counted upwards from 1
-        self._place = 0  # the row that the cell says
-        self._shared = False  # whether its value is the number of a text
+        self._place = 0  # the row that the cell states
+        self._shared = False  # whether its value is the index of a shared text
         self._number: list[str] | None = None
         self._known: dict[str, int] = {}
 
@@ -173,7 +173,7 @@ class _Sheet:
                 column = self._known.get(letters) or self._column_of(letters, place)
                 self._column = max(self._column, column)
                 self._place = max(self._row, self._row_of(place[len(letters) :], place))
-        elif tag == "v" or tag == "is":  # a cell without a value makes no table larger
+        elif tag == "v" or tag == "is":  # a cell without a value does not enlarge the table
             self.end()
             self.rows = max(self.rows, self._place)
             self.columns = max(self.columns, self._column)
@@ -184,7 +184,7 @@ class _Sheet:
             if (place := own.get("r")) is not None:
                 self._row = max(self._row, self._row_of(place, place))
         else:
-            self.text("?")  # within a number, it is not read alike by all
+            self.text("?")  # readers disagree on other elements within a number
 
     def text(self, piece: str) -> None:
         """Take a piece of a text."""
@@ -205,7 +205,7 @@ class _Sheet:
     def _no_place(self, place: str) -> RecordingError:
         return RecordingError(
             f"{self.name} of {self.path.name} has a cell or row {place[:40]!r}, which is no place"
-            " in a sheet; save the workbook anew"
+            " in a sheet; save the workbook again"
         )
 
 
@@ -229,17 +229,18 @@ def _go_through(
     path: Path, name: str, part: bytes, start: Start, text: Callable[[str], object]
 ) -> None:
     """Have the starts of elements and the texts of a part told; raises RecordingError."""
-    parser = expat.ParserCreate("UTF-8")  # as the reader takes it, whatever it declares
+    parser = expat.ParserCreate("UTF-8")  # as the reader does, whatever the file declares
 
     def local(tag: str, own: dict[str, str]) -> None:
         start(tag.rpartition(":")[2] if ":" in tag else tag, own)
 
-    def odd(*_: object) -> None:  # what a reader may take for an end of the text, or not
+    def odd(*_: object) -> None:  # readers disagree on whether this ends the text
         text("?")
 
     def doctype(*_: object) -> None:
         raise RecordingError(
-            f"{name} of {path.name} declares a DOCTYPE, which no workbook needs; save it anew"
+            f"{name} of {path.name} declares a DOCTYPE, which no workbook needs; save the"
+            " workbook again"
         )
 
     parser.StartElementHandler, parser.CharacterDataHandler = local, text
@@ -249,5 +250,5 @@ def _go_through(
         parser.Parse(part, True)
     except expat.ExpatError as error:
         raise RecordingError(
-            f"{name} of {path.name} is not XML ({error}); save the workbook anew"
+            f"{name} of {path.name} is not XML ({error}); save the workbook again"
         ) from None

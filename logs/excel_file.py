@@ -17,16 +17,16 @@ from zwidth.logs.excel_text import sheets, sheets_apart
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.unpacked import most_bytes
 
-LEAST_ROWS = 3  # of numbers, that make a sheet a table
-INSIDE = "xl/"  # the folder within the archive that tells a workbook from an NPZ
+LEAST_ROWS = 3  # least rows of numbers in a table
+INSIDE = "xl/"  # a folder in the archive that distinguishes a workbook from an NPZ
 
 
 def is_workbook(data: bytes) -> bool:
-    """Return whether an archive that begins as a ZIP does is a workbook."""
+    """Return whether an archive that begins like a ZIP is a workbook."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return any(name.startswith(INSIDE) for name in archive.namelist())
-    except Exception:  # zipfile raises what it meets in a damaged one
+    except Exception:  # for a damaged archive zipfile raises many types
         return False
 
 
@@ -36,7 +36,7 @@ def read_excel(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> S
     try:
         if data.startswith(b"PK"):
             found = sheets(bounded(path, data))
-        else:  # of before 2007
+        else:  # older than 2007
             found = sheets_apart(data, most_bytes(len(data), MOST_BYTES))
         for name, text in found:
             try:
@@ -45,7 +45,7 @@ def read_excel(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> S
                 refused = f"sheet {name!r}: {error}"
     except (RecordingError, MemoryError, KeyboardInterrupt):
         raise
-    except BaseException as error:  # calamine is Rust: where it panics, that is no Exception
+    except BaseException as error:  # calamine is Rust: a panic is not an Exception
         if isinstance(error, SystemExit | GeneratorExit):
             raise
         reason = " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,10 +1,9 @@
-"""The sheets of a workbook as text, a line for each row and a tab between cells.
+"""The sheets of a workbook as text: a line for each row, tabs between cells.
 
-As a program, this does it in a process of its own, which nothing of zwidth is loaded into: a
-workbook of before 2007 (.xls) says in a few bytes how much room to make for it, and where there is
-none, its reader ends the process. It takes the workbook on standard input, and writes for each
-sheet the lengths of name and text, and both. Where the system can limit it, it has so much memory
-and time.
+As a program, it runs in its own process without the rest of zwidth: an old workbook (.xls) can
+request any amount of memory in a few bytes, and if there is too little, its reader ends the
+process. It reads the workbook from standard input, and writes for each sheet the lengths of name
+and text, then both. If the system allows limits, it has `MEMORY` and `SECONDS`.
 """
 
 import io
@@ -23,11 +22,11 @@ REFUSED = 3  # exit status
 
 
 class NotRead(Exception):
-    """A workbook that its reader did not get through; the message says why."""
+    """A workbook that could not be read; the message says why."""
 
 
 def sheets(data: bytes) -> Iterator[tuple[str, str]]:
-    """Yield name and text of each sheet; raises what calamine does."""
+    """Yield name and text of each sheet; raises the exceptions of calamine."""
     import python_calamine as calamine
 
     book = calamine.load_workbook(io.BytesIO(data))
@@ -57,12 +56,12 @@ def _cell(value: object) -> str:
 def sheets_apart(data: bytes, most: int) -> list[tuple[str, str]]:
     """Return name and text of each sheet, read in a process of its own; raises NotRead.
 
-    most: bytes of all texts together.
+    most: largest size of all texts together, in bytes.
     """
     import python_calamine
 
     place = Path(python_calamine.__file__).parent.parent
-    # -P: no module is taken from the folder of this file, or from the current one.
+    # -P: import no modules from the folder of this file, or from the current one.
     line = [sys.executable, "-P", __file__, str(most), str(place)]
     try:
         done = subprocess.run(
@@ -87,7 +86,7 @@ def sheets_apart(data: bytes, most: int) -> list[tuple[str, str]]:
 
 
 def _limit() -> None:
-    with suppress(ImportError):  # Windows has none
+    with suppress(ImportError):  # Windows does not have it
         import resource
 
         for kind, most in (

@@ -1,8 +1,8 @@
-"""A log to CSV, Parquet or NPZ: every sample to the bit, and a sentence on each thing left behind.
+"""A log as CSV, Parquet or NPZ: every sample to the bit, and a sentence on each part left out.
 
-NPZ has room for all of a log, Parquet for all but the substep trace, CSV for one table and a line
-of JSON. The functions write to an open binary file; the caller makes sure that an older file of
-that name is kept until the new one is complete.
+NPZ can store all of a log, Parquet all but the substep trace, CSV one table and a line of JSON. The
+functions write to an open binary file; the caller keeps an older file of that name until the new
+one is complete.
 """
 
 import io
@@ -30,7 +30,7 @@ Writer = Callable[[IO[bytes], Log], list[str]]
 
 
 def write_csv(stream: IO[bytes], log: Log) -> list[str]:
-    """Write tick as CSV; return a sentence for each thing that is not in it.
+    """Write the trace of ticks as CSV; return a sentence on each part that is left out.
 
     Numbers have the fewest digits that read back to the same double.
     """
@@ -45,7 +45,7 @@ def write_csv(stream: IO[bytes], log: Log) -> list[str]:
 
 
 def write_parquet(stream: IO[bytes], log: Log) -> list[str]:
-    """Write tick as Parquet; return a sentence for each thing that is not in it."""
+    """Write the trace of ticks as Parquet; return a sentence on each part that is left out."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -62,7 +62,7 @@ def write_parquet(stream: IO[bytes], log: Log) -> list[str]:
         stream,
         compression="zstd",
         use_dictionary=False,
-        use_byte_stream_split=True,  # like bytes of neighbouring doubles together
+        use_byte_stream_split=True,  # stores equal bytes of neighbouring doubles together
     )
     return _no_substep(log)
 
@@ -86,13 +86,13 @@ def write_npz(stream: IO[bytes], log: Log) -> list[str]:
         for name, values in arrays.items():
             entry = io.BytesIO()
             np.lib.format.write_array(entry, np.ascontiguousarray(values), allow_pickle=False)
-            # With a date of its own the archive would differ from one writing to the next.
+            # With the current date, the archive would differ each time it is written.
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), entry.getvalue(), zipfile.ZIP_DEFLATED)
     return []
 
 
 WRITERS: dict[str, Writer] = {".csv": write_csv, ".parquet": write_parquet, ".npz": write_npz}
-"""Suffix of a file name -> what writes it."""
+"""Suffix of a file name -> the function that writes it."""
 
 
 def _no_substep(log: Log) -> list[str]:

@@ -2,14 +2,14 @@
 
 A signal is called topic.field: "/command.data", "/wrench.wrench.force.z". Of a
 sensor_msgs/msg/JointState it is topic.joint.quantity: "/joint_states.elbow.effort". Each signal has
-the clocks of its messages: log_time, publish_time and, where the messages carry it, header.stamp,
+the clocks of its messages: log_time, publish_time and, if the messages contain it, header.stamp,
 stamp or timestamp.
 
 A field that is a number in most messages of its topic is a signal, with a gap where a message lacks
-it or has a text instead; one that fewer messages have keeps only the stamps of those.
+it or has text instead; a field that fewer messages have is a signal with only their stamps.
 
-A file with the state of joints is of these: topics of other types than commands are put aside, for
-a description to name, and images, clouds of points and transforms are not decoded at all.
+If a file has joint states, its topics that are neither these nor commands are set aside, for a
+description to name; images, point clouds and transforms are not decoded at all.
 
 The file is read like a log of zwidth: a chunk with a wrong checksum is left out and reported.
 """
@@ -36,8 +36,8 @@ from zwidth.logs.records import Records
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.summary import read_summary
 
-DEEPEST = 8  # messages within messages
-LONGEST = 1 << 17  # bytes of a definition in ROS: ten times as many take a hundred times as long
+DEEPEST = 8  # levels of nested messages
+LONGEST = 1 << 17  # bytes of a ROS definition; parsing time grows with the square
 MOST_ELEMENTS = 64  # of an array within a message
 MOST_NOTES = 5
 NANOSECONDS = 1_000_000_000
@@ -70,7 +70,7 @@ class Series:
 
 @dataclass
 class Topic:
-    """The messages of one channel: their clocks, and their fields as they turn up.
+    """The messages of one channel: their clocks, and the fields found so far.
 
     kind: the name of their type without its package, "JointState"; "" for none.
     """
@@ -84,14 +84,14 @@ class Topic:
     undecoded: int = 0
 
     def take(self, message: Message) -> None:
-        """Decode one message; messages that do not match their schema are counted and skipped."""
+        """Decode one message; a message that does not match its schema is counted and skipped."""
         try:
             body = self.decode(message.data)
             leaves = _leaves(body)
             stamps = [_stamp(body, place) for place in STAMPS]
         except MemoryError:
             raise
-        except Exception:  # three decoders, each with errors of its own and of struct and protobuf
+        except Exception:  # three decoders, each with its own errors, struct's and protobuf's
             self.undecoded += 1
             return
         clocks = (message.log_time, message.publish_time, *stamps)
@@ -130,7 +130,7 @@ class Topic:
             yield Signal(full, _numbers(series.values), stamps=stamps)
 
     def texts(self) -> Iterator[tuple[str, str]]:
-        """Yield name and reason of each field that told numbers at times, and texts more often."""
+        """Yield name and reason of each field that had some numbers, but more texts."""
         for name, series in self.series.items():
             if series.tally.is_text and series.values:
                 many = f"{series.tally.texts} of {self.count} messages"
@@ -143,7 +143,7 @@ def read_foreign_mcap(
 ) -> Source:
     """Return every number of every message that can be decoded; raises RecordingError.
 
-    unpack: of messages that are compressed each by itself; it raises ValueError.
+    unpack: decompresses a message, if each was compressed by itself; it raises ValueError.
     """
     summary = read_summary(file)
     size = os.fstat(file.fileno()).st_size
@@ -198,7 +198,7 @@ def open_topic(channel: Channel, schema: Schema | None) -> Topic | str:
 
     try:
         for factory in (Ros2(), Protobuf()):
-            with redirect_stderr(StringIO()):  # the parser of ROS messages prints its complaints
+            with redirect_stderr(StringIO()):  # the parser of ROS messages prints errors
                 decode = factory.decoder_for(encoding, schema)
             if decode is not None:
                 return Topic(channel.topic, decode, kind)
@@ -313,7 +313,7 @@ def _source(
 def signals_of(
     topics: Sequence[Topic | str],
 ) -> tuple[dict[str, Signal], dict[str, Signal], dict[str, str], list[str]]:
-    """Return the signals of topics, those put aside, what is unreadable and why, and notes."""
+    """Return the signals of topics, those set aside, what is unreadable and why, and notes."""
     signals: dict[str, Signal] = {}
     aside: dict[str, Signal] = {}
     unreadable: dict[str, str] = {}

@@ -1,8 +1,8 @@
-"""From one MCAP record to the next, also through damage.
+"""Walks from one MCAP record to the next, also across damage.
 
 A record is an opcode, a length and its content. Where that chain is broken, reading resumes at the
-next place where a record is known to start: from the file's own summary, or at the next thing that
-looks like the head of a zstd chunk (its checksum then decides whether it is one).
+next place where a record is known to start: from the file's own summary, or at the next bytes that
+look like the head of a zstd chunk (its checksum then decides).
 """
 
 import struct
@@ -33,11 +33,11 @@ SIGNATURE = struct.pack("<I4s", 4, b"zstd")  # the name of the compression, in a
 BEFORE_SIGNATURE = FRAME + CHUNK_HEADER.size - 4
 CHUNK_OVERHEAD = CHUNK_HEADER.size + 4 + 8
 
-# A file made to look like endless damage is given up after this many times its own size; what
-# looking at one place costs is counted in bytes as well.
+# Reading stops after this many times the file's size, so that crafted damage cannot take for ever;
+# each place that is examined counts as LOOK bytes.
 MOST_WASTED = 8
 LOOK = 512
-ALWAYS_UNPACKED = 32 * MEBIBYTE  # however small the file: decoded, messages take 20 times as much
+ALWAYS_UNPACKED = 32 * MEBIBYTE  # allowed for any file; decoded messages take 20 times as much
 
 
 class Damage(NamedTuple):
@@ -50,9 +50,9 @@ class Damage(NamedTuple):
 
 @dataclass
 class Walk:
-    """One pass over the data section of a file; iterate, then look at what was met.
+    """One pass over the data section of a file; after the iteration, its fields say what was found.
 
-    stop: where the data section ends at the latest. landmarks: offsets at which records are known
+    stop: the latest possible end of the data section. landmarks: offsets at which records are known
     to start, ascending.
     """
 
@@ -76,7 +76,7 @@ class Walk:
                 break
             frame = self._frame(offset)
             if frame is None:
-                # The record before it may have lied about its length.
+                # The previous record may have stated a wrong length.
                 offset = previous = self._resume(previous, offset, "no record that can be read")
                 continue
             head, opcode, length = frame

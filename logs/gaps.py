@@ -6,14 +6,14 @@ from numpy.typing import NDArray
 from zwidth.logs.layout import Floats
 
 MOST_SENTENCES = 5
-BACKWARDS = 1 << 31  # of 2^32: a counter that steps by more went back
+BACKWARDS = 1 << 31  # of 2^32: a larger step means that the counter went back
 
 
 def gaps(topic: str, sequence: NDArray[np.uint32], t: Floats, expected: int | None) -> list[str]:
     """Return a sentence for each gap or repetition in one topic.
 
-    sequence (n,), t (n,) [s]. expected: the number of messages that the file says it holds.
-    A file whose messages all carry the counter 0 has none: then only their number is checked.
+    sequence (n,), t (n,) [s]. expected: the number of messages that the file states. If all
+    counters are 0, there is no counter, and only the number of messages is checked.
     """
     if sequence.size == 0:
         return [f"{topic}: all {expected} samples are missing"] if expected else []

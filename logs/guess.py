@@ -1,8 +1,8 @@
-"""A summary of a file for a person to judge: each signal at a glance, and a draft TOML.
+"""A summary of a file for a person: each signal in one line, and a draft TOML.
 
-A guess is offered, never used without asking. It goes by units first, in brackets or at the end of
-a name, then by the words of a name; what it cannot know (a scale, counts per revolution) it leaves
-open, so that the draft is refused until someone has filled it in.
+The draft is only proposed. It is based first on units, in brackets or at the end of a name, then on
+the words of a name. Unknown entries (a scale, counts per revolution) are left open, so the draft is
+refused until someone has filled them in.
 """
 
 import re
@@ -21,7 +21,7 @@ from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, ex
 from zwidth.logs.units import SI, UNITS, Unit, find_unit
 
 LEAST_SAMPLES = 3
-OF_A_MOTOR = ("v", "u", "i")  # V_m is no length
+OF_A_MOTOR = ("v", "u", "i")  # V_m is not a length
 YEAR_2001, YEAR_2100 = 978_307_200.0, 4_102_444_800.0  # seconds since 1970
 CALENDARS = (
     ("s", 1.0, 0.0),
@@ -31,15 +31,15 @@ CALENDARS = (
     ("100ns", 1e7, 62_135_596_800.0),  # .NET: since the year 1
     ("100ns", 1e7, 11_644_473_600.0),  # Windows: since 1601
 )
-"""Unit, how many of it a second has, and seconds from the calendar's beginning to 1970."""
+"""Unit, its number per second, and seconds from the calendar's beginning to 1970."""
 PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingperiod", "timestep",
            "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
 RATES = ("fs", "hz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps")
-MOST_BACK = 0.05  # of its steps, by which a time may go back
-COUNTED = 0.9  # share of equal steps, above which a counter counts rows, and starts anew
+MOST_BACK = 0.05  # largest share of a time's steps that go back
+COUNTED = 0.9  # share of equal steps, above which a counter that restarts counts rows
 MOST_SENTENCES = 8
-TICKS = {"ticks", "tick", "filetime"}  # which a clock of Windows counts as well as an encoder
-SCATTER = 0.2  # of its mean, that a period written in each row may have
+TICKS = {"ticks", "tick", "filetime"}  # units of a Windows clock, as well as of an encoder
+SCATTER = 0.2  # over the mean: largest scatter of a period that is written in each row
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
     "V": "command",
     "A": "command",
@@ -48,14 +48,14 @@ QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} |
     "counts/s2": "acceleration",
 }
 OF_UNIT = {"N m": "torque", "N": "torque", "V": "voltage", "A": "current", "s": "time"}
-"""What a unit tells that a motion's does not."""
+"""What the unit of a signal that is not a motion says about it."""
 CLOCK_ORDER = ("header.stamp", "stamp", "timestamp", "log_time", "publish_time")
 assert set(CLOCK_ORDER) == set(CLOCKS)
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One signal at a glance. step: see `step_seen`; rate [Hz]: 0 where no clock of its own."""
+    """A summary of one signal. step: see `step_seen`; rate [Hz]: 0 without a clock of its own."""
 
     name: str
     unit: str
@@ -69,7 +69,7 @@ class Seen:
 
 
 def look(source: Source) -> list[Seen]:
-    """Return what each signal of a file shows, in the order of the file."""
+    """Return a summary of each signal of a file, in the order of the file."""
     rows = row_count(source)
     time = time_signal(source)
     timing = None if time is None else _timing(time)
@@ -111,7 +111,7 @@ def _seems(signal: Signal, rows: int) -> str:
 
 
 def naming(signal: Signal) -> Naming:
-    """Return the quantity of a signal by its name and unit; where they disagree, the unit decides.
+    """Return the quantity of a signal by its name and unit; if they disagree, the unit decides.
 
     Two exceptions: for counts the name decides, and a signal named as a motion may be in volts.
     """
@@ -145,10 +145,10 @@ def unit_seen(signal: Signal) -> Unit | None:
 
 
 def unit_spelled(signal: Signal) -> str | None:
-    """Return the unit as a TOML would give it, or None.
+    """Return the unit as written in a TOML, or None.
 
-    At the end of a name it stands after a line, a blank, a comma or a slash, or begins with a
-    capital ("posDeg"). "in" is an input more often than an inch.
+    At the end of a name it follows an underscore, a blank, a comma or a slash, or begins with a
+    capital ("posDeg"). "in" means input more often than inch.
     """
     if signal.unit:
         return _of_torque(signal.unit, signal.name) if find_unit(signal.unit) else None
@@ -200,12 +200,12 @@ def row_count(source: Source) -> int:
 
 
 def time_signal(source: Source) -> Signal | None:
-    """Return the signal that seems to be the time stamps: it rises, by its name or evenly."""
+    """Return the signal that seems to be the time: it rises, evenly or with a name of a time."""
     return time_seen(source)[0]
 
 
 def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
-    """Return the signal that seems to be time, and why other signals named so are not."""
+    """Return the signal that seems to be time, and why other signals with such names are not."""
     rows = row_count(source)
     refused: list[str] = []
     for signal in source.signals.values():
@@ -225,7 +225,7 @@ def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
 
 
 def since_1970(stamp: float) -> str | None:
-    """Return the unit in which a stamp counts since its calendar began, by the year, or None."""
+    """Return the unit of a stamp since the beginning of a calendar, found by its year, or None."""
     for unit, each, before in CALENDARS:
         if YEAR_2001 <= stamp / each - before <= YEAR_2100:
             return unit
@@ -233,7 +233,7 @@ def since_1970(stamp: float) -> str | None:
 
 
 def period_told(source: Source) -> tuple[float, str] | None:
-    """Return the sampling period [s] that a single number beside the signals tells, and where.
+    """Return the sampling period [s] given by a single number beside the signals, and its name.
 
     It is called Ts, dt, fs, sampling rate or the like; or it is the step of a time of another
     length.
@@ -325,7 +325,7 @@ def _timing(time: Signal) -> Timing:
 
 
 def seconds_of(time: Signal, factor: float) -> Floats:
-    """Return the stamps of a signal [s] from its first, mended; NaN where one is missing."""
+    """Return the stamps of a signal [s] from its first, corrected; NaN where one is missing."""
     found, known = np.full(time.values.size, np.nan), time.known
     stamps = Stamps(time.values[known], factor)
     found[known] = mended(stamps.seconds(common_origin({"": stamps})))[0]
@@ -374,7 +374,7 @@ def clock_faults(source: Source) -> list[str]:
 
 
 def draft(source: Source, seen: Sequence[Seen]) -> str:
-    """Return a recording TOML to start from: complete as far as the file tells."""
+    """Return a recording TOML to start from, with everything that the file shows."""
     chosen = {quantity: _first(seen, quantity) for quantity in SI}
     lines = [
         "# A guess by zwidth: check every line against what you know of the device.",
@@ -400,7 +400,7 @@ def _line(key: str, value: str) -> str:
 
 
 def clock_lines(source: Source, chosen: list[str]) -> list[str]:
-    """Return the lines of a TOML on the time of the signals chosen."""
+    """Return the lines of a TOML for the time of the chosen signals."""
     stamped = [source.signals[name] for name in chosen if source.signals[name].stamps]
     if stamped or any(signal.stamps for signal in source.signals.values()):
         signal = (stamped or [s for s in source.signals.values() if s.stamps])[0]

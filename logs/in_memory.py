@@ -1,8 +1,8 @@
-"""Tables that a program holds: data frames, dictionaries of arrays, arrays; as signals by name.
+"""Tables in a program's memory (data frames, dictionaries of arrays, arrays) as signals by name.
 
-A frame of pandas or polars or a table of Arrow is asked for nothing but the names of its columns,
-those and `__array__`, so that no such library is needed. An index of times or of numbers that are
-no row numbers is a column, too.
+From a frame of pandas or polars or a table of Arrow only the column names, the columns and
+`__array__` are used, so none of these libraries is needed. An index of times, or of numbers that
+are not row numbers, is a column too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.logs.source import Collector, RecordingError, Source
 
-INDEX = "time"  # what an index without a name is called
+INDEX = "time"  # name of an index without a name
 
 
 @runtime_checkable
@@ -57,8 +57,8 @@ def _columns(given: AnyTable) -> list[tuple[str, Any]]:
             return [(column, given[column]) for column in given.dtype.names]
         if given.ndim != 2:
             raise RecordingError(
-                f"an array of {given.ndim} dimensions is given as a recording; give one of two, a"
-                " column for each signal"
+                f"an array of {given.ndim} dimensions is given as a recording; give two"
+                " dimensions, with one column per signal"
             )
         return [(str(k), given[:, k]) for k in range(given.shape[1])]
     if isinstance(given, Mapping):
@@ -69,7 +69,7 @@ def _columns(given: AnyTable) -> list[tuple[str, Any]]:
         and not hasattr(given, "rows")
     ):
         raise RecordingError("a LazyFrame of polars holds no numbers yet; give frame.collect()")
-    # A table of Arrow has the columns themselves in `columns`, and their names here.
+    # In Arrow, `columns` contains the columns themselves; their names are here.
     names = getattr(given, "column_names", given.columns)
     found = [(str(column), np.asarray(given[column])) for column in names]
     index = getattr(given, "index", None)

@@ -12,7 +12,7 @@ MOST_SENTENCES = 5
 
 
 def skipped(damages: Sequence[Damage], inconsistent: Sequence[str]) -> list[str]:
-    """Return a sentence for each damaged place, the first few of them one by one."""
+    """Return a sentence for each of the first few damaged places, and one for the others."""
     sentences = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in damages]
     sentences += [f"skipped: {reason}" for reason in inconsistent]
     if len(sentences) > MOST_SENTENCES:

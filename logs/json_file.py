@@ -16,13 +16,13 @@ import numpy as np
 from zwidth.logs.source import Collector, RecordingError, Source
 
 MOST_PARTS = 10_000  # signals of one file
-DEEPEST = 16  # objects within objects
+DEEPEST = 16  # levels of nested objects
 SCALAR = (int, float, str, bool, type(None))
-LEAST_RECORDS = 3  # objects in a list, below which they are parts and not samples
+LEAST_RECORDS = 3  # objects in a list; fewer are parts, not samples
 
 
 def begins_as_json(data: bytes) -> bool:
-    """Return whether a text begins as JSON does, and not as a table with brackets in its head."""
+    """Return whether a text begins like JSON, and not like a table with brackets in its header."""
     start = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:1] == b"{":
         return start[1:].lstrip()[:1] in (b'"', b"}")

@@ -1,16 +1,16 @@
-"""Lines of a log as a table: numbers beside their names, or behind a stamp that is no column.
+"""Lines of a log as a table: numbers beside their names, or after a prefix such as a time stamp.
 
     target:0.50 angle:0.48 pwm:123                          Arduino's serial plotter
     t=0.01, q=0.2
     I (1000) motor: q=0.2                                   ESP-IDF: milliseconds
     2025-03-04 12:00:01,234 INFO servo goal=2048 pos=2047   Python's logging
-    INFO:root:goal=2048 pos=2047                            the same, as it is unless told
+    INFO:root:goal=2048 pos=2047                            the same, with default settings
     12:34:56.789 -> 0.50,0.48                               Arduino's serial monitor
     [INFO] [1741089600.25]: q=0.2                           ROS 1
 
-What stands before a line becomes the column `timestamp`, of ESP-IDF `log_time_ms`. Layouts: "Using
-the Serial Plotter Tool", Arduino documentation (labels and numbers with a colon between, pairs
-apart by commas, blanks or tabs); "logging", Python documentation.
+The stamp before a line becomes the column `timestamp`, for ESP-IDF `log_time_ms`. Layouts: "Using
+the Serial Plotter Tool", Arduino documentation (labels and numbers separated by colons, pairs by
+commas, blanks or tabs); "logging", Python documentation.
 """
 
 import re
@@ -33,7 +33,7 @@ ARROW = re.compile(rf"\s*(?P<clock>{CLOCK}) -> (?P<rest>.*)$")
 LOGGER = re.compile(r"\s*(?:TRACE|DEBUG|INFO|WARN|WARNING|ERROR|CRITICAL):[\w.]*:\s*(?=\S)")
 TIME, MILLISECONDS = "timestamp", "log_time_ms"
 LOOKED_AT = 50  # lines
-SHARE = 0.8  # of them, that must be such lines
+SHARE = 0.8  # least share of them that are such lines
 LONGEST = 10_000  # characters of a line
 
 

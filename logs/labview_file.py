@@ -1,7 +1,7 @@
 """LabVIEW measurement files (.lvm): lines of header, names of the channels, columns of numbers.
 
-Layout: "Specification for the LabVIEW Measurement File (.lvm)", NI. Each segment has a header of
-its own, which gives unit and interval of each channel. The column Comment stands at the end of the
+Layout: "Specification for the LabVIEW Measurement File (.lvm)", NI. Each segment has its own
+header, which gives unit and interval of each channel. The column Comment stands at the end of the
 names and is empty in nearly every line.
 """
 
@@ -52,7 +52,7 @@ def _with_units(found: Source, names: list[str], head: dict[str, list[str]]) -> 
     """Return the signals with the units of the header, and the interval where no column is time."""
     units = head.get("Y_Unit_Label", [])
     channels = [name for name in names if not name.startswith("X_Value")]
-    if head.get("X_Columns", [""])[0] == "Multi":  # then each channel has a column of times before
+    if head.get("X_Columns", [""])[0] == "Multi":  # a column of times before each channel
         units = units[::2]
     of = dict(zip(channels, units, strict=False))
     time = head.get("X_Dimension", ["Time"])[0] == "Time"

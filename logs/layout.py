@@ -2,9 +2,8 @@
 
     opcode length channel sequence log_time publish_time  tag_1 double_1  tag_2 double_2 ...
 
-Protobuf leaves a double of 0.0 out or writes it; both decode to the same. Here it is always
-written, so every record has the same length, and a block of samples is encoded and decoded by
-columns.
+Protobuf may omit a double of 0.0; both forms decode to the same value. Here it is always written,
+so all records have the same length, and blocks of samples are encoded and decoded by columns.
 """
 
 from collections.abc import Sequence
@@ -55,7 +54,7 @@ class Layout:
         self.constants = ["opcode", "length", "channel", *(f"tag{i}" for i in range(len(numbers)))]
 
     def run(self, data: bytes, offset: int) -> int:
-        """Return how many records of exactly this layout follow each other from offset."""
+        """Return the number of consecutive records of exactly this layout from an offset."""
         most = (len(data) - offset) // self.size
         done, step = 0, PROBE
         while done < most:
@@ -69,11 +68,11 @@ class Layout:
         return done
 
     def rows(self, data: bytes, offset: int, count: int) -> NDArray[np.void]:
-        """View count records from offset, without a copy."""
+        """View `count` records from an offset, without a copy."""
         return np.ndarray(count, self.dtype, buffer=data, offset=offset)
 
     def decode(self, data: bytes, offset: int, count: int) -> Samples:
-        """Copy count records, whose layout `run` has confirmed, into columns."""
+        """Copy `count` records, whose layout `run` has confirmed, into columns."""
         rows = self.rows(data, offset, count)
         values = np.empty((len(self.tags), count))
         for i in range(len(self.tags)):
@@ -82,7 +81,7 @@ class Layout:
 
 
 class Encoder:
-    """Blocks of samples to the uncompressed content of a chunk, and to its message index.
+    """Encodes blocks of samples as the uncompressed content of a chunk and its message index.
 
     preamble: records (schema, channel) that open every chunk, so that each can be read alone.
     """
@@ -98,7 +97,7 @@ class Encoder:
     def encode(
         self, sequence: int, log_time: NDArray[np.uint64], columns: Sequence[Floats]
     ) -> tuple[memoryview, bytes]:
-        """Return (chunk content, entries of its message index); both hold until the next call."""
+        """Return (chunk content, entries of its message index), both valid until the next call."""
         count = log_time.size
         rows = self.records[:count]
         rows["sequence"] = np.arange(sequence, sequence + count).astype(np.uint32)

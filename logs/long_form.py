@@ -1,19 +1,19 @@
-"""Tables with a row for each motor in turn and a column of motor numbers, split by motor.
+"""Tables whose rows belong to several motors, with a column of motor numbers, split by motor.
 
     time, motor_id, position, current
     0.0000, 1, 0.12, 0.3
     0.0002, 2, 1.04, 0.1
     0.0020, 1, 0.13, 0.3
 
-as loggers of a bus write them. Each quantity of each motor becomes a signal, "position 1", with the
-times of its own rows. A column that hardly changes from row to row, such as the number of an
-episode, is left as it is. A column of words may have the same role, for a joint or a topic:
+Loggers of a bus write such tables. Each quantity of each motor becomes a signal, "position 1", with
+the times of its own rows. A column that hardly changes from row to row, such as the number of an
+episode, is left as it is. A column of words may have the same role, for joints or topics:
 
     time, topic, value
     0.0000, /cmd/torque, 0.12
     0.0004, /joint/position, 1.04
 
-and if there is one value beside them, the words alone are the name.
+If there is only one column of values, the words alone are the names.
 """
 
 from collections.abc import Mapping
@@ -30,14 +30,14 @@ TOPICS = {"topic", "signal", "channel", "name", "variable", "field", "key", "ser
 VALUES = {"value", "values", "val", "data", "reading"}
 OF_MANY = {"motor", "servo", "joint", "axis", "node", "actuator", "device"}
 MOST = 64  # motors
-FEWEST = 10  # rows of each
-IN_TURN = 0.3  # share of rows whose number is not that of the row before
+FEWEST = 10  # least rows of each motor
+IN_TURN = 0.3  # share of rows with another number than the row before
 NANOSECONDS = 1e9
 DIVISORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def apart(source: Source) -> Source:
-    """Return a table with its motors apart, any other source as it is."""
+    """Return a table with its motors separated, any other source unchanged."""
     if any(signal.stamps for signal in source.signals.values()):
         return source
     time, _ = time_seen(source)

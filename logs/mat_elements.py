@@ -1,10 +1,10 @@
-"""A walk through the elements of a MAT file of v5 to v7, before scipy reads it.
+"""Checks the elements of a MAT file of v5 to v7 before scipy reads it.
 
-scipy looks the type of a data element up in a table of 20 entries without asking whether it is one
-of them (read_numeric and read_char in _mio5_utils.pyx), and joins characters along the last
-dimension of an array without any (chars_to_strings in _mio_utils.pyx): one damaged byte ends the
-interpreter. This walk takes scipy's own path from element to element, and stops where it would not
-return. Layout: MAT-File Format, MathWorks, chapter 1, Level 5.
+scipy looks up the type of a data element in a table of 20 entries without a bounds check
+(read_numeric and read_char in _mio5_utils.pyx), and joins characters along the last dimension of an
+array that has none (chars_to_strings in _mio_utils.pyx), so one damaged byte ends the interpreter.
+This check visits the elements in the same order as scipy, and stops where scipy would not return.
+Layout: MAT-File Format, MathWorks, chapter 1, Level 5.
 """
 
 import math
@@ -20,7 +20,7 @@ DEEPEST = 64
 
 
 class BrokenElements(ValueError):
-    """The elements of the file are not what they must be."""
+    """The elements of the file are not valid."""
 
 
 class TooLarge(ValueError):
@@ -30,7 +30,7 @@ class TooLarge(ValueError):
 def check_elements(data: bytes, most: int) -> None:
     """Raise BrokenElements where scipy would read beyond its table of types, or without end.
 
-    most: the bytes that all variables together may unpack to; raises TooLarge.
+    most: largest unpacked size of all variables together [bytes]; raises TooLarge beyond it.
     """
     order = "<" if data[126:128] == b"IM" else ">"
     top = _Walk(data, order, HEADER)

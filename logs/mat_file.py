@@ -17,8 +17,8 @@ from zwidth.logs.mat_elements import TooLarge, check_elements
 from zwidth.logs.source import Collector, RecordingError, Source
 from zwidth.logs.unpacked import most_bytes, too_large
 
-DEEPEST = 16  # structures within structures
-LEAST_CELLS = 100  # of single numbers and texts, which are then a column
+DEEPEST = 16  # levels of nested structures
+LEAST_CELLS = 100  # least cells of single numbers and texts that are a column
 MOST_PARTS = 10_000  # cells, elements, fields of one file
 TO_PLAIN = {
     "timeseries": "t = {name}.Time; x = squeeze({name}.Data); save('plain.mat', 't', 'x')",
@@ -39,7 +39,7 @@ TO_PLAIN = {
         " 'Ts')"
     ),
 }
-"""What to type in MATLAB to have an object's numbers as arrays, which any program reads."""
+"""What to type in MATLAB to convert an object to arrays, which any program can read."""
 PLAIN = (
     *(b"double", b"single", b"logical", b"char", b"cell", b"struct", b"function_handle"),
     *(b"%sint%d" % (sign, bits) for sign in (b"", b"u") for bits in (8, 16, 32, 64)),
@@ -111,7 +111,7 @@ def read_mat(path: Path, data: bytes) -> Source:
         raise too_large(path, len(data), most_bytes(len(data))) from None
     except MemoryError:
         raise
-    except Exception as error:  # scipy raises what it meets: ValueError, TypeError, zlib.error ...
+    except Exception as error:  # scipy raises many types: ValueError, TypeError, zlib.error ...
         raise _damaged(path, "MAT", error) from None
     kind = "MAT v7 or older"
     return Source(path, kind, found.signals, found.unreadable, aliases=found.aliases)
@@ -188,7 +188,7 @@ def _is_empty(cell: object) -> bool:
 def read_hdf5(path: Path, data: bytes) -> Source:
     """Return the data sets of an HDF5 file, which MAT v7.3 is; raises RecordingError.
 
-    Links to other files, and data sets that keep their values there, are not followed.
+    Links to other files, and data sets stored in other files, are not followed.
     """
     import h5py
 
@@ -203,7 +203,7 @@ def read_hdf5(path: Path, data: bytes) -> Source:
         raise too_large(path, len(data), most_bytes(len(data))) from None
     except MemoryError:
         raise
-    except Exception as error:  # h5py raises what the library says, as any of a dozen classes
+    except Exception as error:  # h5py raises a dozen classes, depending on the error
         raise _damaged(path, "HDF5", error) from None
     return Source(path, "MAT v7.3" if matlab else "HDF5", found.signals, found.unreadable)
 
@@ -241,7 +241,7 @@ def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any
         found.unreadable[name] = "is empty"
     elif item.attrs.get("MATLAB_class") in (b"char", "char"):
         found.unreadable[name] = "is text; a signal is numbers"
-    elif h5py.check_string_dtype(item.dtype) is not None:  # as dtypes, texts equal references
+    elif h5py.check_string_dtype(item.dtype) is not None:  # by dtype, texts look like references
         found.unpack(item.size * item.dtype.itemsize)
         found.take(name, np.asarray(item.asstr(errors="replace")[()], dtype=np.str_))
     elif item.dtype == h5py.ref_dtype:

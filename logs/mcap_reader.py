@@ -27,10 +27,10 @@ from zwidth.sim.trace import Trace
 
 @dataclass(frozen=True, repr=False)
 class Log(Shown):
-    """The content of a log. warnings: a sentence for everything damaged; empty for an intact log.
+    """The content of a log. warnings: a sentence on each damage; empty for an intact log.
 
-    substep is None if the log has no such topic. metadata joins all notes, later ones winning.
-    attachments: name -> bytes. library: what wrote the file. epoch_ns: log time of t = 0.
+    substep: None if the log has no such topic. metadata: all notes; later ones replace earlier
+    ones. attachments: name -> bytes. library: the file's writer. epoch_ns: log time of t = 0.
     """
 
     path: Path
@@ -47,12 +47,12 @@ class Log(Shown):
 def read_log(path: str | PathLike[str]) -> Log:
     """Read a log that `LogWriter` wrote, or another MCAP writer with the same topics and schemas.
 
-    Damage is survived: what is intact comes back, bit for bit, and Log.warnings (also under
-    "warnings" in each trace's facts) says what is not. No sample is returned from a chunk whose
+    From a damaged file, everything intact is returned, bit for bit, and Log.warnings (also under
+    "warnings" in each trace's facts) describes the damage. No sample is returned from a chunk whose
     checksum is wrong.
 
     Raises a LogError: LogNotFound, LogIsDirectory, LogNotReadable, LogEmpty, NotMcap, ForeignLog
-    (no run in it), LogDamaged (nothing left of one).
+    (no run in it), LogDamaged (nothing can be recovered).
     """
     with opened(Path(path)) as file:
         return _read(Path(path), file)

@@ -1,4 +1,4 @@
-"""Write a run to an MCAP file while it happens: `LogWriter`; or a whole trace: `write_log`."""
+"""Write a run to an MCAP file while it runs (`LogWriter`), or a complete trace (`write_log`)."""
 
 import json
 import time
@@ -41,23 +41,23 @@ MEDIA_TYPES = {".toml": "application/toml", ".json": "application/json", ".txt":
 class LogWriter:
     """A log being written: a context manager that appends blocks of samples.
 
-    path: the log's final name. channels and substep_channels: name -> unit of what `/tick` and
-    `/substep` carry, in order. metadata: text about the run (version, seed, model hash, K, B).
-    attachments: file name -> bytes (device.toml, scenario.toml, propagators.npy). epoch_ns: the log
-    time of t = 0 in ns since 1970, by default now. facts: the trace's facts, kept as JSON.
-    annotations: what is said of stretches of time, for viewers.
+    path: the log's final name. channels and substep_channels: name -> unit of the channels of
+    `/tick` and `/substep`, in order. metadata: text about the run (version, seed, model hash, K,
+    B). attachments: file name -> bytes (device.toml, scenario.toml, propagators.npy). epoch_ns: the
+    log time of t = 0 in ns since 1970, by default now. facts: the trace's facts, kept as JSON.
+    annotations: on stretches of time, for viewers.
 
-    Every block reaches the operating system, as complete chunks, before append returns: after
-    `kill -9` all blocks appended so far can be read. Until the log is closed it is called
-    `partial` (NAME.partial.mcap); only then does it take the name `path`.
-    If the `with` block fails or is interrupted, the log is completed under its partial name.
+    Every block is passed to the operating system, in complete chunks, before append returns, so
+    after `kill -9` all appended blocks can be read. Until the log is closed it is called `partial`
+    (NAME.partial.mcap); only then does it take the name `path`. If the `with` block fails or is
+    interrupted, the log is completed under its partial name.
 
     Append about a second at a time: each block is compressed alone and repeats its schema, 0.7 kB.
 
     A file at `path` is replaced only if a log writer wrote it and it was not edited since, or with
     overwrite.
 
-    Raises LogPathError (path), Protected (a file in the way), LogBlockError (what does not fit),
+    Raises LogPathError (path), Protected (a user's file), LogBlockError (data that do not fit),
     LogWriteError (a full disk).
     """
 
@@ -151,7 +151,7 @@ class LogWriter:
         self._event_count += len(block)
 
     def note(self, metadata: Mapping[str, str]) -> None:
-        """Write what has become known about the run, such as its verdict; later notes win."""
+        """Write facts about the run, such as its verdict; later notes replace earlier ones."""
         self._check_open()
         self._container.add_metadata(RECORD, seal(RECORD, _text(metadata)))
 

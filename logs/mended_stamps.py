@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from zwidth.logs.timing import times
 
 Floats = NDArray[np.float64]
-SHARED = 0.1  # of all samples, that must repeat a stamp
-ANEW = 0.5  # of the stamps' range, that a counter goes back by at least
-FEWEST = 10  # samples of a run
+SHARED = 0.1  # least share of all samples that repeat a stamp
+ANEW = 0.5  # of the stamps' range: least step back of a counter
+FEWEST = 10  # least samples of a run
 BITS, EACH = (8, 10, 12, 15, 16, 20, 24, 31, 32), (1.0, 1e-3, 1e-6, 1e-7, 1e-9)
-ALIKE = 0.02  # by which the steps back of a counter may differ
+ALIKE = 0.02  # relative difference of a counter's steps back
 
 
 def mended(t: Floats) -> tuple[Floats, str]:
-    """Return stamps t [s], finite, (samples,), mended, and a sentence; "" if as they are."""
+    """Return finite stamps t [s] (samples,), corrected, and a sentence on it; "" if unchanged."""
     said: list[str] = []
     t, note = _runs(t) or _gone_on(t)
     said += [note] if note else []
@@ -97,7 +97,7 @@ def _spread(t: Floats) -> tuple[Floats, str]:
     coarse = float(np.median(forward))
     count = np.arange(t.size)
     begins = np.flatnonzero(np.diff(t, prepend=t[0] - 1.0) > 0.0)
-    own = begins[1:] if begins.size > 3 else begins  # the first may have begun before
+    own = begins[1:] if begins.size > 3 else begins  # the first run may have begun earlier
     about = own - own.mean()
     period = float(about @ (t[own] - t[own].mean()) / (about @ about))
     away = t - period * count

@@ -17,17 +17,17 @@ from typing import Any, Literal
 
 Role = Literal["goal", "command", "measured", "error", ""]
 DRIVES = ("torque", "current", "voltage", "duty", "input")
-"""Quantities that a device is driven by, the nearest to its force first; input says none."""
+"""Quantities that drive a device, those closest to its force first; "input" names none of them."""
 MOTIONS = ("position", "velocity", "acceleration")
-TYPES = re.compile(r"^(?:lr|dw|f|r|l|g)(?=[A-Z][a-z])")  # of IEC 61131: fActPos, lrTorque
+TYPES = re.compile(r"^(?:lr|dw|f|r|l|g)(?=[A-Z][a-z])")  # prefixes of IEC 61131: fActPos, lrTorque
 DOTS = {"dot": 1, "ddot": 2}
 PARAMETER = re.compile(r"\b[rp]\d{2,5}(?:\[\d+\])?:?\s+(?=[A-Za-z])")
-"""The number of a parameter before its name, as SINAMICS writes it: "r63 Speed actual value"."""
-OUTPUTS = ("output", "outputs", "out")  # of a system, or of its controller
+"""A parameter's number before its name, as in SINAMICS: "r63 Speed actual value"."""
+OUTPUTS = ("output", "outputs", "out")  # output of a system, or of its controller
 SIDES = frozenset(("motor", "load", "link", "d"))
-NUMBERED = ("id", "no", "nr")  # before a number they say of which, "ID:001 Present Position"
-FIRST_OF_SCRIPTS = "\u3040"  # of Japanese, Chinese and Korean: no blanks between words
-SHORTEST = 3  # letters of a word within a compound
+NUMBERED = ("id", "no", "nr")  # before a number: which device, "ID:001 Present Position"
+FIRST_OF_SCRIPTS = "\u3040"  # of Japanese, Chinese and Korean, which have no blanks between words
+SHORTEST = 3  # least letters of a word within a compound
 CLOSE = frozenset(
     ("joint", "joints", "axis", "motor", "m", "servo", "data", "value", "field", "ch")
 )
@@ -54,7 +54,7 @@ class Naming:
 
     @property
     def moves(self) -> bool:
-        """Whether it is a motion that was measured."""
+        """Whether it is a measured motion."""
         return self.quantity in MOTIONS and self.role in ("measured", "")
 
 
@@ -104,7 +104,7 @@ def read_name(core: str) -> Naming:
     at, quantity, weak = _quantity(words)
     last = list(_words(re.split("[./]", core)[-1]))
     if not quantity and 0 < len(last) < len(words) and words[-len(last) :] == last:
-        within, told, _ = _quantity(last)  # "arm1.q[0]": what stands before is of which joint
+        within, told, _ = _quantity(last)  # "arm1.q[0]": the part before names the joint
         if told in MOTIONS and not (last[within] in OUTPUTS and _commands(words)):
             at, quantity, weak = len(words) - len(last) + within, told, True
     role = _role(words, at, quantity)
@@ -119,7 +119,7 @@ def _plain_words(core: str) -> list[str]:
 
 
 def together(names: Sequence[str]) -> dict[str, Naming]:
-    """Return the meaning of names that mean something else together than alone; {} for none."""
+    """Return the meaning of names that have another meaning together than alone; {} for none."""
     own = {name.lower().strip(): name for name in names}
     for known in vocabulary()["together"]:
         if all(name in own for name in known.values()):
@@ -256,7 +256,7 @@ def tool_units(names: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def only_measured(names: Sequence[str]) -> list[str]:
-    """Return the names under which a tool writes what it measured, and not what it asks."""
+    """Return the names under which a tool writes measured values, not commands."""
     return [name for name in names if _last(name) in tool_of(names).get("measured", ())]
 
 
@@ -332,14 +332,14 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
         return other
     spoken = [one for one in found if not one[2]]
     lesser = [i for i, q, _ in spoken if q in ("input", "counter") or words[i] in side_words("far")]
-    if len(found) > len(lesser):  # "count", or a place of measurement, means little beside others
+    if len(found) > len(lesser):  # "count", or a measuring place, says little beside other words
         spoken = [one for one in spoken if one[0] not in lesser]
     if spoken:
         at, quantity, weak = spoken[-1]
     else:
         own = {w for w in words if not w.isdigit() and (w in known or not is_role(w))}
         if letters := {words[i] for i, _, letter in found if letter and not is_role(words[i])}:
-            own -= {w for w in own if is_role(w)}  # "state.q": the state says only of what
+            own -= {w for w in own if is_role(w)}  # "state.q": "state" only says what q belongs to
             found = [one for one in found if words[one[0]] in letters]
         beside = {*CLOSE, *DOTS, *SIDES}
         alone = [one for one in found if one[2] and own <= {words[one[0]], *beside}]
@@ -347,11 +347,11 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
             return -1, "", False
         at, quantity, weak = alone[-1]
         if words[at] in OUTPUTS and _commands(words):
-            return -1, "", False  # of a controller
+            return -1, "", False  # the output of a controller
     if quantity == "position":
         quantity = MOTIONS[min(sum(DOTS.get(w, 0) for w in words), 2)]
     if quantity in ("current", "voltage") and "d" in words[:at]:
-        return at, "other", False  # of the axis along the field, which gives no torque
+        return at, "other", False  # along the field: no torque
     return at, quantity, weak
 
 

@@ -1,4 +1,4 @@
-"""NumPy files: NPY with one array, NPZ with named ones. Nothing pickled is ever loaded."""
+"""NumPy files: NPY with one array, NPZ with named arrays. Pickled objects are never loaded."""
 
 import io
 import json
@@ -14,7 +14,7 @@ from zwidth.logs.source import Collector, RecordingError, Signal, Source
 from zwidth.logs.unpacked import refuse_bomb
 
 OF_COLUMNS = ("columns", "names", "labels", "channels", "fields", "header", "keys", "signals")
-ABOUT = "zwidth.json"  # the entry, UTF-8 in an array of bytes, of a file of our own
+ABOUT = "zwidth.json"  # in files of zwidth: an entry with UTF-8 in an array of bytes
 
 
 def read_npy(path: Path, data: bytes) -> Source:
@@ -71,7 +71,7 @@ def _entries(path: Path, data: bytes) -> dict[str, bytes]:
             }
     except (RecordingError, MemoryError):
         raise
-    except Exception as error:  # zipfile raises what it meets: BadZipFile, zlib.error, struct.error
+    except Exception as error:  # zipfile raises many types: BadZipFile, zlib.error, struct.error
         said = f"{path.name} is a damaged archive, of NPZ or Excel: {error}"
         raise RecordingError(said) from None
 

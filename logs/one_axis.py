@@ -1,4 +1,4 @@
-"""Streams of a recording, each with its own clock, onto the one time axis of a trace."""
+"""Brings the streams of a recording, each with its own clock, onto one time axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ def group(entries: Sequence[Entry], t: dict[str, Floats]) -> list[Stream]:
 def one_axis(
     resample: float | None, streams: list[Stream], values: dict[str, Floats]
 ) -> tuple[Floats, dict[str, Floats], dict[str, Any]]:
-    """Return one time axis, the channels on it, and what was done to get there."""
+    """Return one time axis, the channels on it, and a description of the conversion."""
     if resample is None:
         if len(streams) > 1:
             raise _apart(streams)

@@ -1,6 +1,6 @@
 """A recorded file of any known format, recognised by its first bytes rather than by its name.
 
-It is a log that zwidth wrote, or holds the signals of another tool.
+It is a log that zwidth wrote, or a file of another tool.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ from zwidth.logs.wpilog_file import read_wpilog
 Reader = Callable[[Path, bytes], Source]
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
-AFTER_USER_BLOCK = 512  # where HDF5 starts in a MAT v7.3
+AFTER_USER_BLOCK = 512  # offset of HDF5 in a MAT v7.3
 STARTS: tuple[tuple[bytes, Reader], ...] = (
     (b"\x93NUMPY", read_npy),
     (b"PK\x03\x04", read_npz),
@@ -59,8 +59,8 @@ STARTS: tuple[tuple[bytes, Reader], ...] = (
 def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
     """Return the signals of a file, or of the folder of a bag of ROS 2.
 
-    csv: what is known about it if it is a text table. Raises RecordingError, or the LogError of a
-    file that cannot be opened.
+    csv: known settings of a text table. Raises RecordingError, or the LogError of a file that
+    cannot be opened.
     """
     if is_bag(path):
         return read_bag(path)
@@ -83,7 +83,7 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
 def read_own(path: Path) -> Log:
     """Return the log in an MCAP, CSV, Parquet or NPZ file that zwidth wrote.
 
-    Raises RecordingError for everyone else's files, or another LogError.
+    Raises RecordingError for files of other tools, or another LogError.
     """
     log = own_log(path)
     if isinstance(log, Log):
@@ -95,9 +95,9 @@ def read_own(path: Path) -> Log:
 
 
 def own_log(path: Path) -> Log | Source:
-    """Return the log in a file of ours, or the signals in another; raises LogError.
+    """Return the log in a file of zwidth, or the signals in another file; raises LogError.
 
-    A log without a sample, such as the start of one that was cut short, is an error, too.
+    A log without a sample (cut off near its start, for example) is an error too.
     """
     if is_bag(path):
         return read_bag(path)
@@ -121,7 +121,7 @@ def _with_samples(log: Log) -> Log:
 
 
 def is_mcap(file: BinaryIO) -> bool:
-    """Return True where a file starts as MCAP does; the file is left at its start."""
+    """Return whether a file starts like MCAP; the file is left at its start."""
     start = file.read(len(MCAP0_MAGIC))
     file.seek(0)
     return start == MCAP0_MAGIC
@@ -142,4 +142,4 @@ def _reader(path: Path, data: bytes) -> Reader | None:
     if is_echo(data):
         return read_echo
     refuse_other(path, data)
-    return read_mat if path.suffix.lower() == ".mat" else None  # v4 starts with nothing of its own
+    return read_mat if path.suffix.lower() == ".mat" else None  # v4 has no signature

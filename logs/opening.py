@@ -1,4 +1,4 @@
-"""Opening a file to read: every way in which that can fail, in a sentence."""
+"""Opens files for reading; a sentence explains each way in which this can fail."""
 
 import stat
 from collections.abc import Generator
@@ -14,7 +14,7 @@ from zwidth.logs.errors import LogEmpty, LogIsDirectory, LogNotFound, LogNotRead
 def opened(path: Path) -> Generator[BinaryIO]:
     """Open a regular file that is not empty.
 
-    Raises LogNotFound, LogIsDirectory, LogNotReadable or LogEmpty, also for what fails within.
+    Raises LogNotFound, LogIsDirectory, LogNotReadable or LogEmpty, also for errors in the block.
     """
     if "\0" in str(path):
         raise LogNotFound(f"{str(path)!r} cannot be the name of a file; check the name")

@@ -1,7 +1,7 @@
-"""Formats that are read by optional libraries, which `pip install zwidth[formats]` installs.
+"""Formats read with optional libraries, which `pip install zwidth[formats]` installs.
 
-TDMS of LabVIEW by npTDMS: `group/channel`, and the interval of a waveform where there is one. ULog
-of PX4 by pyulog: `topic.field`, `topic_1.field` for the second of a topic.
+TDMS of LabVIEW by npTDMS: `group/channel`, and the interval of a waveform, if given. ULog of PX4 by
+pyulog: `topic.field`, `topic_1.field` for the second of a topic.
 """
 
 import io
@@ -26,7 +26,7 @@ def read_tdms(path: Path, data: bytes) -> Source:
     except ModuleNotFoundError:
         raise _missing(path, "TDMS", "npTDMS") from None
     found = Collector()
-    logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it warns of damage in raw bytes
+    logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it prints raw bytes of damaged parts
     try:
         file: Any = TdmsFile.open(io.BytesIO(data))
         channels = [channel for group in file.groups() for channel in group.channels()]
@@ -44,7 +44,7 @@ def read_tdms(path: Path, data: bytes) -> Source:
                 found.add(INTERVAL, np.array([interval]), "s")
     except MemoryError:
         raise
-    except Exception as error:  # npTDMS raises what it meets: ValueError, KeyError, struct.error
+    except Exception as error:  # npTDMS raises many types: ValueError, KeyError, struct.error
         raise _damaged(path, "TDMS", error) from None
     return Source(path, "TDMS", found.signals, found.unreadable)
 
@@ -76,7 +76,7 @@ def read_ulog(path: Path, data: bytes) -> Source:
         raise _missing(path, "ULog", "pyulog") from None
     signals: dict[str, Signal] = {}
     try:
-        with redirect_stdout(io.StringIO()):  # where it prints what it meets
+        with redirect_stdout(io.StringIO()):  # it prints errors
             log: Any = ULog(_Ending(data))
         for topic in log.data_list:
             stamps = np.asarray(topic.data["timestamp"]).astype(np.int64) * MICROSECOND
@@ -87,7 +87,7 @@ def read_ulog(path: Path, data: bytes) -> Source:
                     signals[name] = Signal(name, values, stamps={"timestamp": stamps})
     except MemoryError:
         raise
-    except BaseException as error:  # pyulog raises what it meets, and ends where a header is none
+    except BaseException as error:  # pyulog raises many types, and exits if there is no header
         if isinstance(error, KeyboardInterrupt):
             raise
         raise _damaged(path, "ULog", error) from None

@@ -4,11 +4,11 @@
     0.000, 0.10,       0.001, 1.04
     0.020, 0.12,       0.011, 1.05
 
-as programs write them that sample several sources, and spreadsheets into which recordings were
-copied side by side. Such a clock is a column that is named as a time, rises, and differs from the
-others: it has another number of samples, or other moments. Signals that share a word with a clock
-are timed by it, otherwise those between it and the next clock. Two times of the same rows, such as
-that of a message and that of its arrival, have no columns between them, and are left as they are.
+Programs that sample several sources write such tables, and so do spreadsheets with recordings side
+by side. Such a clock is a column that is named a time, rises, and differs from the others in number
+of samples or in its times. Signals that share a word with a clock are timed by it, otherwise those
+between it and the next clock. Two times of the same rows (of a message and of its arrival) have no
+columns between them, and are left unchanged.
 """
 
 import re
@@ -22,15 +22,15 @@ from zwidth.logs.names import read_name, vocabulary, words_of
 from zwidth.logs.source import Floats, Signal, Source
 from zwidth.logs.units import find_unit
 
-FEWEST = 10  # samples of each clock
-RISING = 0.95  # of its steps
-SHARED = 0.5  # of the shorter of two clocks, over which they run together
-APART = 0.05  # of a period, by which clocks with as many samples differ at least
+FEWEST = 10  # least samples of each clock
+RISING = 0.95  # least share of steps that rise
+SHARED = 0.5  # of the shorter of two clocks: least overlap
+APART = 0.05  # of a period: least difference of two clocks with equally many samples
 NANOSECONDS = 1e9
 
 
 def with_own_clocks(source: Source) -> Source:
-    """Return a source whose signals have stamps of the clocks beside them, others as they are."""
+    """Return a source whose signals have the stamps of their clocks; without clocks, unchanged."""
     if any(signal.stamps for signal in source.signals.values()):
         return source
     clocks = {name: one for name, one in source.signals.items() if _is_clock(one)}

@@ -9,7 +9,7 @@ import numpy as np
 from zwidth.logs.source import Collector, RecordingError, Signal, Source
 from zwidth.logs.unpacked import refuse_bomb
 
-MOST_PLACES = 1000  # in a list, that become signals of their own
+MOST_PLACES = 1000  # most elements of a list that become separate signals
 ABOUT = b"zwidth"  # the key in the file's own metadata
 
 
@@ -23,12 +23,12 @@ def read_parquet(path: Path, data: bytes) -> Source:
         file = parquet.ParquetFile(pa.BufferReader(data))
         refuse_bomb(path, _unpacked(file.metadata), len(data))
         texts = [c.path for c in map(file.schema.column, range(len(file.schema))) if _is_text(c)]
-        # A text that is stored once and repeated in millions of rows stays stored once.
+        # A text that is repeated in millions of rows is stored only once, here too.
         file = parquet.ParquetFile(pa.BufferReader(data), read_dictionary=texts)
         table = file.read(use_threads=False)
         table.validate(full=True)
         about = _about(path, table.schema.metadata or {})
-        for _ in range(16):  # structures within structures
+        for _ in range(16):  # nested structures
             if not any(pa.types.is_struct(column.type) for column in table.columns):
                 break
             table = table.flatten()
@@ -111,7 +111,7 @@ def _take_lists(found: Collector, name: str, column: Any) -> None:
     import pyarrow as pa
     import pyarrow.compute
 
-    compute: Any = pyarrow.compute  # made when it is imported, which no checker sees
+    compute: Any = pyarrow.compute  # created at import, unknown to type checkers
     lengths = compute.unique(compute.drop_null(compute.list_value_length(column))).to_pylist()
     if len(lengths) != 1 or not 1 <= lengths[0] <= MOST_PLACES:
         found.unreadable[name] = "holds lists of differing lengths; a signal is numbers"

@@ -54,7 +54,7 @@ class Reading:
 
     @property
     def by_us(self) -> bool:
-        """True where our writer wrote the file, which leaves no sample or note unchecked."""
+        """Whether zwidth wrote the file, so that every sample and note has a checksum."""
         return self.header is not None and self.header.library.startswith(LIBRARY)
 
     def _add_records(self, records: Records) -> None:
@@ -91,7 +91,7 @@ class Reading:
     def trace(self, stream: Stream, statistics: Statistics | None) -> tuple[Trace, list[str]]:
         """Return the samples of a stream as a trace, and a sentence for each gap in them.
 
-        The stream gives its samples up, so that an hour of them is not held twice.
+        The stream releases its samples, so that an hour of them is not in memory twice.
         """
         assert stream.flat is not None
         epoch_ns = stream.epoch_ns

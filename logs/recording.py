@@ -1,4 +1,4 @@
-"""A recording as a trace: `read_recording`; and with all that belongs to it: `load_log`."""
+"""A recording as a trace (`read_recording`), or as a log with everything else (`load_log`)."""
 
 import hashlib
 import math
@@ -39,7 +39,7 @@ NANOSECONDS = 1_000_000_000
 def load_log(path: FilePath, folder: FilePath | None = None) -> Log:
     """Return a recording as a log, with the TOML that describes it as an attachment.
 
-    Arguments and errors: see `read_recording`. Of a file that zwidth wrote, everything is returned.
+    Arguments and errors: see `read_recording`. From a file of zwidth, everything is returned.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -65,8 +65,8 @@ def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
     path: a recording TOML (see `logs.recording_file`), or an MCAP log, CSV, Parquet or NPZ of
     zwidth. folder: where the TOML's file is looked for, by default the folder of the TOML.
 
-    Channels are `command` and `position_m1`, `velocity_m1` ... in SI. Stamps are kept as they are,
-    irregular or not, and examined; only `resample` changes them. facts: file, sha256, format,
+    Channels are `command` and `position_m1`, `velocity_m1` ... in SI. Stamps are kept unchanged,
+    even if irregular, and examined; only `resample` changes them. facts: file, sha256, format,
     signals (how each channel was converted), timing (of each stream), resampling, use, warnings.
 
     Raises RecordingError or another LogError, a ValueError with one sentence.
@@ -79,7 +79,7 @@ def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
 
 
 def read_described(description: Description, folder: Path) -> Trace:
-    """Return what a description, made or read, makes of its file in a folder; raises as above."""
+    """Return the recording that a description makes of its file in a folder; raises as above."""
     path, file = description.path, folder / description.file
     reading(file, f"is what {path.name} describes")
     try:
@@ -96,9 +96,9 @@ def read_described(description: Description, folder: Path) -> Trace:
 
 
 def read_source(description: Description, source: Source, of_file: bool = False) -> Trace:
-    """Return what a description makes of signals that are at hand; raises as above.
+    """Return the recording that a description makes of given signals; raises as above.
 
-    of_file: whether they are all that is described, and of a file, whose hash is then noted.
+    of_file: whether they are the whole content of the described file, whose hash is then noted.
     """
     try:
         return _read(description, source, {}, _sha256(source.path) if of_file else "")
@@ -113,7 +113,7 @@ def _read(
     signals = {entry.channel: others.get(entry.file, source)[entry.signal] for entry in entries}
     converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
     rows = {e.channel: _rows(source, e.clock, signals[e.channel]) for e in entries}
-    if description.resample is not None:  # what lacks is no sample, and not NaN for its neighbours
+    if description.resample is not None:  # else gaps would make neighbours NaN
         rows = {name: known & np.isfinite(converted[name].values) for name, known in rows.items()}
     stamps = {
         e.channel: _stamps(source, e.clock, signals[e.channel], rows[e.channel]) for e in entries
@@ -164,7 +164,7 @@ def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None)
     if entry.quantity == COVARIATE:
         return entry.unit or signal.unit or ""
     turns = converted.rotary if entry.channel.startswith(JOINT) else rotary
-    if turns is None or entry.quantity not in SI:  # what is recorded of a drive's state
+    if turns is None or entry.quantity not in SI:  # the state of a drive
         return ""
     return (GOAL if converted.goal else SI[entry.quantity])[0 if turns else 1]
 
@@ -273,11 +273,11 @@ def _used(description: Description, trace: Trace) -> Trace:
 
 
 def unscaled(traces: Sequence[Trace]) -> tuple[str, str]:
-    """Return what forces and lengths are counted in where recordings do not know their scale.
+    """Return the units of forces and lengths if the scale of recordings is unknown.
 
-    A count that is taken for one of SI may say so by counts_per_rev = 2 pi or counts_per_m = 1.
-    That is the unit of the command ("A", "V", "counts") and of the motion ("counts") where a scale
-    of 1 takes each for one of SI; "" if it is known, or not the same in all recordings.
+    counts_per_rev = 2 pi or counts_per_m = 1 states that a count is treated as one SI unit. Returns
+    the unit of the command ("A", "V", "counts") and of the motion ("counts") if a scale of 1 treats
+    each as one SI unit; "" if the scale is known, or differs between recordings.
     """
     said = {
         ("" if t.units.get("command") in GOAL else _foreign(t, ("command",)), _foreign(t, _MOTIONS))

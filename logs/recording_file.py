@@ -5,58 +5,58 @@
     source = "..."              # optional, free text: where the recording comes from
     rotary = false              # optional where a unit shows it: N m and rad, or N and m
     period_s = 0.001            # the samples are counted; or
-    time = "t"                  # their stamps stand in a signal, or are a clock of MCAP messages:
+    time = "t"                  # their stamps are a signal, or a clock of MCAP messages:
                                 # log_time, publish_time, header.stamp, stamp, timestamp
     time_unit = "ms"            # optional, s by default; MCAP clocks know theirs
     resample = true             # optional: onto one axis with the longest period of the streams,
                                 # or resample = 0.001, onto one with that period [s]
     [input]                     # channel `command`
     signal = "vir"              # variable, column, or topic.field
-    file = "torque.txt"         # optional: where it is, if not in the file above; time is of that
-    unit = "V"                  # optional: the unit of the raw numbers, SI if not said
+    file = "torque.txt"         # optional: its file, if not the one above, whose time it shares
+    unit = "V"                  # optional: the unit of the raw numbers, SI by default
     scale = 35.150652           # optional
     offset = 0.0                # optional
     [[output]]                  # channel QUANTITY_AT, such as `position_m1`
     signal = "qm"
     quantity = "position"       # position | velocity | acceleration
     at = "m1"                   # m1 to m5
-    wraps_at = 65536            # optional, raw: a counter of 16 bits, that starts anew
-    [base]                      # optional, where what the device stands on moves: base_QUANTITY
+    wraps_at = 65536            # optional, raw: a counter of 16 bits starts again at 0
+    [base]                      # optional, if the base of the device moves: base_QUANTITY
     signal = "floor"
     quantity = "acceleration"   # position | velocity | acceleration
-    [[known_force]]             # optional: a force that was recorded and acts besides the command
+    [[known_force]]             # optional: a recorded force that acts besides the command
     signal = "gravity"          # channel `known_force_m1`
     at = "m1"                   # m1 to m5
     [[joint]]                   # optional: the position of another joint of the same robot
     signal = "q2"               # channel `joint_elbow`
-    name = "elbow"              # as the robot's model calls it
-    [[covariate]]               # optional: a temperature, that parameters may follow
-    signal = "temp"             # channel `covariate_temp`, in the unit that it is written in
+    name = "elbow"              # its name in the robot's model
+    [[covariate]]               # optional: a temperature that parameters may follow
+    signal = "temp"             # channel `covariate_temp`, in its own unit
     unit = "degC"               # optional, free text
     [enable]                    # optional: when the drive was on, channel `enable`
     signal = "torque_enable"    # on where it is at least a half
-    [supply]                    # optional: what supplied it, channel `supply`, over nominal
+    [supply]                    # optional: its supply voltage, channel `supply`, over nominal
     signal = "input_volts"
     unit = "V"
-    nominal = 12.0              # what the device file's numbers are at [V]
+    nominal = 12.0              # voltage at which the device file's numbers hold [V]
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
-    [device]                    # optional: where the device was another than its file says
-    masses = [1.248]            # as its [chain] and [interface] would say: see `sim.changes`
-    [free]                      # optional: what this run has of its own, to be fitted; recordings
+    [device]                    # optional: differences of the device from its file
+    masses = [1.248]            # as in its [chain] and [interface]: see `sim.changes`
+    [free]                      # optional: parameters with their own value in this run; recordings
     ground_spring = "stiff"     # with the same word share it: see `diagnosis.recording.own`
-    [csv]                       # optional, what cannot be found out of a text table
+    [csv]                       # optional: what cannot be detected in a text table
     delimiter = ";"
     decimal = ","
     header_line = 3             # 0: no line names the columns
 
-value = scale * raw + offset, in SI. Where `unit` is given, raw is first taken to the SI unit of its
-kind (degrees to rad, mV to V), so scale is in SI per SI, "N per V". `unit = "counts"` needs
-counts_per_rev (edges, that is lines times four in quadrature) or counts_per_m.
+value = scale * raw + offset, in SI. If `unit` is given, raw numbers are first converted to the SI
+unit of their kind (degrees to rad, mV to V), so scale is in SI per SI, "N per V". `unit = "counts"`
+needs counts_per_rev (edges, that is lines times four in quadrature) or counts_per_m.
 
-Each of these tables may have period_s, time and time_unit of their own, where streams have clocks
-of their own, and shift_s, which is added to their stamps (with period_s: the time of the first).
+Each of these tables may have its own period_s, time and time_unit, if streams have their own
+clocks, and shift_s, which is added to the stamps (with period_s: the time of the first).
 """
 
 import math
@@ -94,8 +94,8 @@ KNOWN_FORCE_KEYS = (*INPUT_KEYS, "at")
 JOINT_KEYS = (*INPUT_KEYS, "name")
 MOTIONS = ("position", "velocity", "acceleration")
 COVARIATE_KEYS = ("signal", "file", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
-COVARIATE = "covariate"  # quantity of what a parameter may follow, and how its channel begins
-KNOWN_FORCE, JOINT = "known_force_", "joint_"  # what those channels begin with
+COVARIATE = "covariate"  # a quantity that a parameter may follow; prefix of its channel
+KNOWN_FORCE, JOINT = "known_force_", "joint_"  # prefixes of these channels
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
 MASSES = ("m1", "m2", "m3", "m4", "m5")
 PLACES = (*MASSES, "link12", "link23", "link34", "link45")
@@ -118,10 +118,9 @@ class Clock:
 class Entry:
     """One channel. scale is None if the TOML gives none (then it is 1).
 
-    file: where its signal is, "" for the recording's own file, whose time it shares.
-    wraps_at: raw numbers after which a counter starts anew, None for one that does not.
-    over: what its SI value is divided by. integral_time [s]: of a loop on the speed, whose goal the
-    signal is; None for any other command.
+    file: where its signal is, "" for the recording's own file, whose time it shares. wraps_at: raw
+    number at which a counter starts again at 0, None if it does not. over: divisor of its SI value.
+    integral_time [s]: of the speed loop whose goal the signal is; None for any other command.
     """
 
     quantity: str
@@ -143,8 +142,8 @@ class Entry:
 class Description:
     """A recording TOML, checked.
 
-    resample: None, 0 for the streams' longest period, or [s]. device, free: its
-    tables of that name.
+    resample: None, 0 for the streams' longest period, or [s]. device, free: the tables of these
+    names.
     """
 
     path: Path
@@ -171,7 +170,7 @@ def load_description(path: Path) -> Description:
 
 
 def description_of(data: bytes, path: Path) -> Description:
-    """Return the description in a recording TOML of that name; raises as `load_description`."""
+    """Return the description in the bytes of a recording TOML; raises as `load_description`."""
     try:
         values = tomllib.loads(data.decode("utf-8-sig"))
         if other := other_kind(values, "recording"):
@@ -258,7 +257,7 @@ def _words(table: Table) -> dict[str, str]:
 
 
 def joint_channel(name: str) -> str:
-    """Return the channel of a joint of that name: "arm/elbow" is joint_arm_elbow."""
+    """Return the channel name of a joint: "arm/elbow" is joint_arm_elbow."""
     return JOINT + re.sub(r"\W", "_", name)
 
 

@@ -3,7 +3,7 @@
 from zwidth.sim.keys import Key
 
 _CLOCK = (
-    ("period_s", "sampling period: the samples are counted", "s", ""),
+    ("period_s", "sampling period, if there are no time stamps", "s", ""),
     ("time", "the signal of the time stamps; for MCAP a clock of the messages: log_time,"
      " publish_time, header.stamp, stamp, timestamp", "", ""),
     ("time_unit", "unit of the stamps: s, ms, us, ns or min", "", '"s"'),
@@ -13,11 +13,12 @@ _SIGNAL = (
     ("file", "file of this signal, if it is not in the recording's file; its samples have the same"
      " times", "", "the recording's", '"torque.txt"'),
     ("unit", "unit of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
-    ("scale", "factor to SI; with unit, raw numbers are converted by it first", "", "1", "35.15"),
+    ("scale", "factor to SI; if unit is given, raw numbers are first converted by it", "", "1",
+     "35.15"),
     ("offset", "added after the scale", "SI", "0", "0.0"),
-    ("counts_per_rev", "edges of an encoder in a turn (lines times four), with unit counts", "",
+    ("counts_per_rev", "edges of an encoder per turn (lines times four), for unit counts", "",
      "none", "4000"),
-    ("counts_per_m", "edges of an encoder in a metre, with unit counts", "", "none", "1e6"),
+    ("counts_per_m", "edges of an encoder per metre, for unit counts", "", "none", "1e6"),
     ("wraps_at", "count after which a position starts again at 0, such as 65536 for a counter of"
      " 16 bits", "raw", "none", "65536"),
     ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
@@ -37,7 +38,7 @@ _COVARIATE = (
     ("signal", "a column, a variable, or topic.field: a temperature, a supply, a load that"
      " parameters may follow linearly", "", "", '"temp"'),
     _SIGNAL[1],
-    ("unit", "unit, as it is to be written; nothing is converted by it", "", "none", '"degC"'),
+    ("unit", "unit to be shown; values are not converted", "", "none", '"degC"'),
     ("scale", "factor of the raw numbers", "", "1", ""),
     ("offset", "added after the scale", "", "0", ""),
     _SIGNAL[-1],
@@ -56,9 +57,9 @@ _FREE = (
     ("ground_spring", "a word: runs with the same word share a fitted value;"
      " likewise masses, ground_dampers, link_springs, link_dampers",
      '"stiff"'),
-    ("position", "where positions are counted from", '"stiff"'),
-    ("EFFECT@PLACE.PARAMETER", "a number of any effect, in the device file or to be found; the key"
-     " in quotes, such as \"coulomb_friction@m1.level\"", '"dry"'),
+    ("position", "origin of positions", '"stiff"'),
+    ("EFFECT@PLACE.PARAMETER", "a parameter of any effect, in the device file or to be found; the"
+     " key is in quotes, such as \"coulomb_friction@m1.level\"", '"dry"'),
 )  # fmt: skip
 
 
@@ -79,8 +80,8 @@ def _signals(table: str) -> tuple[Key, ...]:
         if not (of_drive and name.startswith(("counts_", "wraps_")))
     )
     clocks = tuple(
-        Key(table, name, f"as at the top, for a stream with a clock of its own: {meaning}",
-            unit, default="that of the top")
+        Key(table, name, f"as at the top, for a stream with its own clock: {meaning}",
+            unit, default="that at the top")
         for name, meaning, unit, _ in _CLOCK
     )  # fmt: skip
     return (*own, *clocks)
@@ -95,12 +96,12 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *(Key("", name, meaning, unit, default=default or "period_s or time is required",
           example='"t"' if name == "time" else "")
       for name, meaning, unit, default in _CLOCK),
-    Key("", "resample", "true: all streams onto one axis of the longest period; a number: of that"
-        " period", "s", default="false"),
+    Key("", "resample", "true: resample all streams to the longest of their periods; a number: to"
+        " this period", "s", default="false"),
     *_signals("input"),
     Key("input", "integral_time_s", "integral time (proportional over integral gain) of a speed"
-        " loop whose goal is the signal: the command becomes the integral of the goal plus this"
-        " times the goal, which is the goal of a position", "s", default="none",
+        " loop whose goal is the signal; the command is then a goal of position: the integral"
+        " of this goal plus this time times the goal", "s", default="none",
         example="0.13"),
     *_signals("output"),
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
@@ -111,8 +112,8 @@ RECORDING_KEYS: tuple[Key, ...] = (
         example="12.0"),
     Key("output", "at", "the mass: m1 to m5", example='"m1"'),
     *_signals("base"),
-    Key("base", "quantity", "position, velocity or acceleration of what the device stands on; its"
-        " outputs are measured relative to that", example='"acceleration"'),
+    Key("base", "quantity", "position, velocity or acceleration of the base of the device; outputs"
+        " are measured relative to the base", example='"acceleration"'),
     *_signals("known_force"),
     Key("known_force", "at", "the mass on which it acts besides the command: m1 to m5",
         example='"m1"'),
@@ -124,9 +125,9 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("use", "to_s", "the last time that is used", "s", default="inf"),
     Key("csv", "delimiter", "character between the cells of a text table", default="detected"),
     Key("csv", "decimal", "the decimal point or comma", default="detected"),
-    Key("csv", "header_line", "the line that names the columns; 0: none does",
+    Key("csv", "header_line", "the line with the names of the columns; 0: none",
         default="detected"),
-    Key("device", "masses", "value in this run, as in a device file; likewise"
+    Key("device", "masses", "value in this run, as in a device file; also"
         " ground_dampers, ground_spring, link_springs, link_dampers, delay_s, command_limit,"
         " command_gain and [[device.physics]]", "kg m2", "kg", default="the device file's"),
     *(Key("device.physics", name, meaning, default=default, example=example)
@@ -134,5 +135,4 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *(Key("free", name, meaning, default="one for all", example=example)
       for name, meaning, example in _FREE),
 )  # fmt: skip
-"""The meaning of [device] is told by `sim/changes.py`, that of [free] by
-`diagnosis/recording/own.py`."""
+"""`sim/changes.py` explains [device], `diagnosis/recording/own.py` explains [free]."""

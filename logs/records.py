@@ -1,7 +1,7 @@
-"""The content of one MCAP record, checked: sizes bounded, checksums compared, every field inside.
+"""The content of one MCAP record, with sizes, checksums and fields checked.
 
 The mcap package decodes all records but two: a chunk, which is decompressed within bounds here, and
-the message index, of which only the shape is checked since this reader does not need it.
+the message index, of which only the layout is checked, since this reader does not need it.
 """
 
 import struct
@@ -17,7 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
 MEBIBYTE = 1 << 20
-LARGEST_CHUNK = 64 * MEBIBYTE  # uncompressed; other tools write 1 to 10 MiB, this one 256 KiB
+LARGEST_CHUNK = 64 * MEBIBYTE  # uncompressed; other tools write 1 to 10 MiB, zwidth 256 KiB
 LARGEST: dict[int, int] = {Opcode.CHUNK: 2 * LARGEST_CHUNK, Opcode.ATTACHMENT: 1024 * MEBIBYTE}
 LARGEST_OTHER = 64 * MEBIBYTE
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, size, crc, length of the compression's name
@@ -30,7 +30,7 @@ class RecordDamaged(Exception):
 class Records(NamedTuple):
     """The uncompressed content of a chunk, or one message outside any chunk.
 
-    checked: a checksum of its own has confirmed it.
+    checked: whether its own checksum confirmed it.
     """
 
     data: bytes
@@ -41,7 +41,7 @@ Parsed = Header | Schema | Channel | Attachment | Metadata | DataEnd | Records |
 
 
 def plausible(opcode: int, length: int) -> bool:
-    """Return True where a record of the data section may have this opcode and length [bytes]."""
+    """Return whether a record of the data section may have this opcode and length [bytes]."""
     known = Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80
     if opcode == Opcode.DATA_END:
         return length == 4
@@ -69,7 +69,7 @@ DECODED = {
 
 
 def parse(opcode: int, content: bytes) -> Parsed:
-    """Return the record, None if it holds nothing to read; raises RecordDamaged."""
+    """Return the record, None if it contains nothing to read; raises RecordDamaged."""
     if opcode == Opcode.CHUNK:
         return _uncompressed(content)
     if opcode == Opcode.MESSAGE:
@@ -119,7 +119,7 @@ def decompress(compression: bytes, data: memoryview, size: int) -> bytes:
         if compression == b"":
             return bytes(data)
         if compression == b"zstd":
-            # No more than size is allocated, whatever the frame claims.
+            # No more than this size is allocated, whatever the frame states.
             decompressor = zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
             if zstandard.frame_content_size(data) == size:
                 return decompressor.decompress(data)

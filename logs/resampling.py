@@ -15,13 +15,13 @@ MOST_SAMPLES = 1 << 28
 
 
 def forward_only(t: Floats) -> NDArray[np.bool_]:
-    """Return True for stamps later than all before them, shape (samples,)."""
+    """Return which stamps are later than all before them, (samples,)."""
     latest = np.maximum.accumulate(t)
     return np.concatenate(([True], t[1:] > latest[:-1]))
 
 
 def axis(starts: list[float], stops: list[float], period: float) -> Floats:
-    """Return multiples of the period, from the latest start, that all streams cover [s].
+    """Return the multiples of the period [s], from the latest start, that all streams cover.
 
     Raises ValueError if streams do not overlap, or the axis would be endless.
     """
@@ -34,8 +34,8 @@ def axis(starts: list[float], stops: list[float], period: float) -> Floats:
     count = (stop - start) / period + 1e-6
     if count >= MOST_SAMPLES:
         raise ValueError(
-            f"resample = {period:g} makes {count:.3g} samples of {stop - start:.6g} s; it must make"
-            f" at most {MOST_SAMPLES}"
+            f"resample = {period:g} turns {stop - start:.6g} s into {count:.3g} samples; at most"
+            f" {MOST_SAMPLES} are allowed"
         )
     return start + period * np.arange(int(count) + 1, dtype=np.float64)
 
@@ -50,7 +50,7 @@ def held(at: Floats, t: Floats, values: Floats, period: float) -> Floats:
 
     A stream finer than the ticks gives its mean, from the integral of the held signal.
     """
-    # An instant one rounding below a stamp is that stamp.
+    # An instant that is below a stamp only by rounding counts as that stamp.
     last = np.searchsorted(t, at + 1e-9 * period, "right") - 1
     own = float(np.median(np.diff(t))) if t.size > 1 else period
     if period < COARSER * own:

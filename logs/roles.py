@@ -3,7 +3,7 @@
 Names say what is measured and what is commanded (`logs/names.py`). Of the joints of a robot the one
 that moves most is taken, with what drives that joint. Where names are ambiguous, numbers decide if
 they can: whether an "action" is a goal that the position follows, whether "v" is a speed or a
-voltage, whether a speed is a measurement of its own. Every choice among several is reported in a
+voltage, whether a speed is a separate measurement. Every choice among several is reported in a
 sentence.
 """
 
@@ -20,15 +20,15 @@ from zwidth.logs.names import Naming, side_words, words_of
 from zwidth.logs.source import Signal
 
 Floats = NDArray[np.float64]
-LONGEST = 20_000  # samples that are looked at
+LONGEST = 20_000  # most samples that are compared
 FOLLOWS = 0.9  # correlation at the best delay, above which a position follows a goal
-LATEST = 0.1  # of the recording, that it may follow late
-ALIKE = (0.3, 3.0)  # size of a goal over that of the motion that tracks it
-RATE = 0.9  # correlation of a speed with the slope of a position, above which it is its speed
-SCALED = 0.1  # by which the size of the two may differ
-NOTHING_NEW = 1e-3  # of a speed, that the differences of the position leave of it, and no more
-STEADILY = 0.3  # of its mean, below which a speed hardly varies
-STEADY = 0.05  # scatter of a voltage over its mean, below which it only supplies
+LATEST = 0.1  # of the recording: largest delay at which it follows
+ALIKE = (0.3, 3.0)  # range of a goal's size over that of the motion that tracks it
+RATE = 0.9  # correlation with a position's slope, above which a speed belongs to it
+SCALED = 0.1  # largest relative difference of their sizes
+NOTHING_NEW = 1e-3  # largest rest of a speed that was computed from differences of the position
+STEADILY = 0.3  # scatter of a speed over its mean, below which it hardly varies
+STEADY = 0.05  # scatter of a voltage over its mean, below which it is a supply
 FIRST = {"torque": 0, "input": 1, "current": 2, "voltage": 3, "duty": 4}
 
 
@@ -40,7 +40,7 @@ def differing(names: Mapping[str, Naming]) -> dict[str, tuple[str, ...]]:
 
 
 def of_joint(one: Naming, joint: str) -> bool:
-    """Return whether a name is of a joint that somebody named or numbered."""
+    """Return whether a name belongs to the joint with a given name or number."""
     wanted = words_of(joint)[::-1]
     own = list(one.words)
     split = [part for word in wanted for part in _parts(word)]
@@ -53,7 +53,7 @@ def _parts(word: str) -> list[str]:
 
 
 def follows(goal: Signal, motion: Signal) -> bool:
-    """Return whether a motion goes where a goal was, up to `LATEST` of the recording earlier."""
+    """Return whether a motion follows a goal, at most `LATEST` of the recording later."""
     pair = _pair(goal, motion)
     if pair is None:
         return False
@@ -70,7 +70,7 @@ def follows(goal: Signal, motion: Signal) -> bool:
 class Speed:
     """How a speed compares with a position: correlation with its slope, ratio to it, and news.
 
-    news: the share of it that differences of neighbouring positions do not explain.
+    news: the share of the speed that differences of neighbouring positions do not explain.
     """
 
     correlation: float
@@ -88,7 +88,7 @@ def speed_of(position: Signal, speed: Signal, t: NDArray[Any]) -> Speed | None:
     if np.any(steps <= 0.0):
         return None
     best, size = -1.0, 0.0
-    for over in (2, 8, 32, 128):  # the slope over few samples is all noise where steps are coarse
+    for over in (2, 8, 32, 128):  # with coarse steps, the slope over few samples is only noise
         if 4 * over > y.size:
             break
         slope = (y[over:] - y[:-over]) / (when[over:] - when[:-over])
@@ -137,7 +137,7 @@ def supplies(signal: Signal) -> bool:
 
 
 def span(signal: Signal) -> float:
-    """Return the standard deviation of what is known, in the signal's unit or SI."""
+    """Return the standard deviation of the known values, in the signal's unit or SI."""
     values = signal.floats()[signal.known]
     unit = unit_seen(signal)
     return (

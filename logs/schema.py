@@ -1,8 +1,8 @@
 """Channel names, units and the protobuf schema that describes them inside the file.
 
 A flat topic is one protobuf message of double scalars. A field is the channel's name with its unit
-as a suffix (`position_m1` in rad: `position_m1_rad`); the channel record's metadata keeps name and
-unit as they were, so nothing is guessed when the file is read.
+as a suffix (`position_m1` in rad: `position_m1_rad`); the channel record's metadata keeps the
+original name and unit, so nothing is guessed when the file is read.
 """
 
 import json
@@ -25,12 +25,12 @@ from zwidth.logs.errors import LogBlockError
 TICK, SUBSTEP, EVENTS = "/tick", "/substep", "/events"
 MESSAGES = {TICK: "zwidth.Tick", SUBSTEP: "zwidth.Substep", EVENTS: "zwidth.Event"}
 
-LIBRARY = "zwidth"  # what the header of our files starts with
+LIBRARY = "zwidth"  # beginning of the header of zwidth's files
 
-# Metadata records: about the run, and the facts of its traces; under ENDED, why a run ended early.
+# Metadata records: the run, the facts of its traces, and under ENDED why a run ended early.
 RECORD, FACTS, ENDED = "zwidth", "zwidth.facts", "ended"
 
-# log_time counts whole nanoseconds; this field carries what they leave out of t (see logs.clock).
+# log_time counts whole nanoseconds; this field is the remainder of t (see logs.clock).
 TIME_RESIDUAL = "time_residual_s"
 EPOCH_KEY, ORIGIN_KEY = "log.epoch_ns", "log.origin"
 
@@ -48,7 +48,7 @@ DOUBLE, STRING = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STR
 class FlatSchema:
     """The double scalars of one topic: field names and numbers, channel names, units.
 
-    fields[0] may be the time residual, which is no channel. All tuples have one entry a field.
+    fields[0] may be the time residual, which is not a channel. All tuples have one entry per field.
     """
 
     topic: str
@@ -61,7 +61,7 @@ class FlatSchema:
 
 
 def unit_suffix(unit: str) -> str:
-    """Return the unit as it ends a field name: "N m" -> "nm", "rad/s" -> "rad_s", "" -> ""."""
+    """Return a unit as the end of a field name: "N m" -> "nm", "rad/s" -> "rad_s", "" -> ""."""
     spelled = unit.replace("/", "_").replace("°", "deg").replace("%", "percent")
     spelled = re.sub("[\u00b5\u03bc]", "u", spelled)  # micro sign, mu
     spelled = re.sub("[\u03a9\u2126]", "ohm", spelled)  # Omega, ohm sign
@@ -145,7 +145,7 @@ def channel_record(flat: FlatSchema, channel_id: int) -> Channel:
 
 
 def read_flat(channel: Channel, schema: Schema) -> FlatSchema | None:
-    """Return the flat topic that these records describe, or None if they describe another thing."""
+    """Return the flat topic that these records describe, or None if they describe none."""
     described = _message(schema)
     if described is None or channel.message_encoding != "protobuf":
         return None
@@ -168,7 +168,7 @@ def read_flat(channel: Channel, schema: Schema) -> FlatSchema | None:
 
 
 def read_epoch(channel: Channel) -> int | None:
-    """Return the log time of t = 0 [ns], or None if the channel record does not say it."""
+    """Return the log time of t = 0 [ns], or None if the channel record does not state it."""
     text = channel.metadata.get(EPOCH_KEY, "")
     epoch = int(text) if re.fullmatch("[0-9]{1,19}", text) else -1
     return epoch if 0 <= epoch < 2**63 else None

@@ -1,4 +1,4 @@
-"""A checksum inside each metadata record: the format itself gives metadata none."""
+"""A checksum inside each metadata record, since the format has none for metadata."""
 
 import json
 import zlib

@@ -1,11 +1,10 @@
-"""Runs side by side in one table, as spreadsheets have them, brought one below the other.
+"""Runs side by side in one table, as in spreadsheets, moved one below the other.
 
     Time, Torque, Angle, , Time, Torque, Angle
     0.00, 0.1,    0.02,  , 0.00, 0.2,    0.03
 
-The same columns again, each time with a time of their own, are runs. Where a run ends before the
-longest one its cells are empty. By names alone, one column could be taken from one run and the next
-from another run.
+Repeated columns, each group with its own time, are runs. A run that is shorter than the longest
+ends with empty cells. By names alone, columns of different runs could be combined.
 """
 
 import re
@@ -23,7 +22,7 @@ NUMBERED = re.compile(
 
 
 def below(source: Source) -> Source:
-    """Return a table of runs side by side as one of runs below each other, any other as it is."""
+    """Return a table of runs side by side as one of runs in sequence, any other table unchanged."""
     signals = [s for s in source.signals.values() if s.known.any()]
     names = [NUMBERED.sub("", AGAIN.sub("", s.name)) for s in signals]
     count = len(signals)

@@ -1,4 +1,4 @@
-"""The file under a log: appended to in whole pieces, put in place when it is complete.
+"""The file of a log: written in whole pieces, and renamed when it is complete.
 
 While a log is written it is called NAME.partial.mcap, beside NAME.mcap; a good file of that name
 stays untouched until the new one is complete, and after a crash the partial file is still there.
@@ -17,13 +17,13 @@ MOST_PARTIAL = 100
 
 
 class Sink:
-    """An append-only file. Every piece is handed to the operating system before append returns.
+    """An append-only file. Every piece is passed to the operating system before append returns.
 
-    A piece is written whole or, as far as any reader can tell, not at all: one cut short by a full
-    disk is taken back, one cut short by an interrupt is overwritten by the next. What was appended
-    survives the end of this process, however it ends; only finish waits for the disk itself.
+    For a reader, a piece is there whole or not at all: a piece cut short by a full disk is removed,
+    one cut short by an interrupt is overwritten by the next. Appended data survive the end of this
+    process, however it ends; only `finish` waits for the disk itself.
 
-    Raises LogPathError if the file cannot be created, Protected if another's file stands there,
+    Raises LogPathError if the file cannot be created, Protected for a user's file of that name,
     LogWriteError if the machine fails.
     """
 

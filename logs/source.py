@@ -29,8 +29,8 @@ class Signal:
 
     values: real numbers of the file's own type, shape (samples,); NaN for a blank cell. unit: as
     the file spells it, "" if it does not. stamps: of messages, clock -> (samples,) times [ns].
-    note: a sentence on cells that are no numbers and were taken as gaps, "" for none. lost
-    (samples,): True where whole numbers, which have no NaN, are missing; None for nowhere.
+    note: a sentence on cells that are not numbers and count as gaps, "" for none. lost (samples,):
+    True where whole numbers, which have no NaN, are missing; None for nowhere.
     """
 
     name: str
@@ -96,13 +96,13 @@ class Source:
 class Collector:
     """The signals of a file: from arrays of any shape to named rows of numbers."""
 
-    index: str = "{name}[{k}]"  # how the k-th signal of a matrix is called, k from first
+    index: str = "{name}[{k}]"  # the name of the k-th signal of a matrix, k from first
     first: int = 0
     signals: dict[str, Signal] = field(default_factory=dict[str, Signal])
     unreadable: dict[str, str] = field(default_factory=dict[str, str])
 
     def add(self, name: str, values: Any, unit: str = "") -> None:
-        """Take an array under a name: a vector is a signal, a matrix one for each column.
+        """Add an array: a vector is a signal, a matrix one signal for each column.
 
         Time runs along the longer side of a matrix.
         """
@@ -125,7 +125,7 @@ class Collector:
                 self.signals[part] = Signal(part, columns[:, k], unit)
 
     def add_cells(self, name: str, cells: Iterable[object], unit: str = "") -> None:
-        """Take a column of texts and numbers: a signal with gaps where the numbers are more."""
+        """Add a column of texts and numbers: a signal with gaps if numbers are the majority."""
         cells = list(cells)
         column = column_of(name, cells)
         if column is None and (times := nanoseconds_of(cells)) is not None:

@@ -1,9 +1,8 @@
-"""A SQLite3 file read as plain tables: it runs no code, and no table is larger than the file.
+"""Reads a SQLite3 file as plain tables; runs no code from it, and no table is larger than the file.
 
-A table of SQLite may be a view, also an endless one, have columns that are computed as they are
-read, or pages that are read many times over. So only ordinary tables are read here, what is read of
-each is at most as large as the file, and SQLite stops after more steps than a file of that size
-takes.
+A table of SQLite may be a view, even an endless one, have computed columns, or pages that are read
+many times. So only ordinary tables are read here, at most as many bytes of each as the file has,
+and SQLite stops after more steps than a file of that size needs.
 """
 
 import re
@@ -15,15 +14,15 @@ from typing import Any
 
 from zwidth.logs.source import RecordingError
 
-ROW_BYTES = 4  # of a row in a file, at least, beside its texts and data
-ALWAYS_BYTES = 1 << 16  # of a value, so that SQLite can read what a small file declares
-ALWAYS_STEPS, STEPS = 20_000_000, 8  # of SQLite's machine, always and for each byte
+ROW_BYTES = 4  # least bytes of a row in a file, beside its texts and data
+ALWAYS_BYTES = 1 << 16  # of a value, so that SQLite can read the declarations of a small file
+ALWAYS_STEPS, STEPS = 20_000_000, 8  # steps of SQLite's machine: for any file, and per byte
 EVERY = 100_000  # steps
 ORDINARY = re.compile(r"CREATE\s+TABLE\b", re.IGNORECASE)
 
 
 class Tables:
-    """The tables of a file. Raises RecordingError for what is not one, else sqlite3.Error."""
+    """The tables of a file. Raises RecordingError for other things, else sqlite3.Error."""
 
     def __init__(self, path: Path, base: sqlite3.Connection) -> None:
         self.name, self.size, self.base = path.name, path.stat().st_size, base
@@ -34,7 +33,7 @@ class Tables:
         base.execute("PRAGMA trusted_schema = OFF")
 
     def has(self, table: str) -> bool:
-        """Whether the file has a table. Raises RecordingError if that is not an ordinary one."""
+        """Whether the file has a table. Raises RecordingError if it is not an ordinary one."""
         found = list(self._each(
             "SELECT type, rootpage, coalesce(sql, '') FROM sqlite_master WHERE lower(name) = ?"
             " AND type NOT IN ('index', 'trigger')", table,
@@ -42,18 +41,18 @@ class Tables:
         for kind, page, text in found:
             if kind != "table" or not page or not ORDINARY.match(str(text)):
                 what = "virtual table" if kind == "table" else kind
-                raise self._refused(table, f"is a {what}, and a bag has ordinary tables")
+                raise self._refused(table, f"is a {what}, but a bag has only ordinary tables")
         for column, hidden in self._each("SELECT name, hidden FROM pragma_table_xinfo(?)", table):
             if hidden:
                 raise self._refused(
-                    table, f"computes its column {column!r}, and a bag has none that is computed"
+                    table, f"has the computed column {column!r}, but a bag has no computed columns"
                 )
         return bool(found)
 
     def rows(self, table: str, columns: str, order: str = "") -> Iterator[tuple[Any, ...]]:
         """Yield the rows of an ordinary table. Raises RecordingError for more than the file has.
 
-        columns: the last one has the most. order: SQLite may lay all rows out first.
+        columns: the last one is the largest. order: SQLite may first sort all rows.
         """
         if not self.has(table):
             raise self._refused(table, "is missing, and a bag has it")
@@ -77,7 +76,7 @@ class Tables:
             )
 
     def _refused(self, table: str, why: str) -> RecordingError:
-        return RecordingError(f"table {table!r} of {self.name} {why}; record the bag anew")
+        return RecordingError(f"table {table!r} of {self.name} {why}; record the bag again")
 
     def _has_ended(self) -> bool:
         """Count steps, and return True where there are no more."""
@@ -90,23 +89,23 @@ class Tables:
         except sqlite3.Error as error:
             code = getattr(error, "sqlite_errorcode", 0)
             if code == sqlite3.SQLITE_INTERRUPT and self.left >= 0:
-                raise KeyboardInterrupt from None  # which SQLite takes for an answer of its handler
+                raise KeyboardInterrupt from None  # for SQLite it is a handler's answer
             if code == sqlite3.SQLITE_INTERRUPT:
                 raise RecordingError(
-                    f"{self.name} takes SQLite more steps than a file of {self.size} bytes may,"
-                    f" {ALWAYS_STEPS + STEPS * self.size}; record the bag anew"
+                    f"{self.name} takes SQLite more than {ALWAYS_STEPS + STEPS * self.size} steps,"
+                    f" too many for a file of {self.size} bytes; record the bag again"
                 ) from None
             if code == sqlite3.SQLITE_TOOBIG:
                 raise RecordingError(
-                    f"{self.name} has a value of more than its own {self.size} bytes; record the"
-                    " bag anew"
+                    f"{self.name} has a value that is larger than the file itself ({self.size}"
+                    " bytes); record the bag again"
                 ) from None
             raise
 
 
 @contextmanager
 def tables(path: Path) -> Generator[Tables]:
-    """Open a file read-only, as it lies there, without a log or journal beside it."""
+    """Open a file read-only, without a log or journal beside it."""
     address = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     with closing(sqlite3.connect(address, uri=True)) as base:
         yield Tables(path, base)

@@ -1,11 +1,11 @@
 """Readings that repeat the one before because no new one was there.
 
-Two kinds. A sensor that is read more slowly than the log is written repeats every reading equally
-often: all its changes then come at one place in every h samples, which no motion does. A reading
-may also be late only now and then: while a position moves by several of its steps per sample, more
-than its noise could cancel, two values that are equal to the last digit are one reading. But a
-motion that is not even stands still for a sample by chance: as often as it moves by one step, or by
-two. So there must be more equal readings than that.
+There are two kinds. A sensor that is read more slowly than the log is written repeats every reading
+equally often: its value then changes only at every h-th sample, unlike any motion. A reading may
+also be late only sometimes: while a position moves by several steps per sample, more than noise
+could cancel, two values that are equal to the last digit are one reading. But an uneven motion may
+by chance not move in a sample, as often as it moves by one step, or by two. So there must be more
+equal readings than that.
 
 A recording of the first kind is refused, with the rate to use instead; the second is corrected by a
 spline through the new readings.
@@ -21,17 +21,17 @@ from scipy.special import pdtrc
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-SLOWEST = 100  # samples that a sensor repeats
-TOGETHER = 0.99  # share of the changes that come at one place
-ENOUGH = 50  # changes that can say so
-AROUND = 8  # samples on each side that say how fast a position runs
-RUNS = 4.0  # steps or noises a sample, from which equal readings are one
-MOST = 0.3  # share of repeated readings that a spline may fill
-CHANCE = 1e-4  # probability of as many equal readings by chance
+SLOWEST = 100  # most samples for which a sensor repeats a reading
+TOGETHER = 0.99  # share of the changes that are at every h-th sample
+ENOUGH = 50  # least changes for such a statement
+AROUND = 8  # samples on each side that determine the speed of a position
+RUNS = 4.0  # steps or noise deviations per sample, above which equal readings are one
+MOST = 0.3  # largest share of repeated readings that a spline may replace
+CHANCE = 1e-4  # probability of equally many equal readings by chance
 
 
 def repeated(values: Floats) -> int:
-    """Return how many samples each reading (samples,) is repeated for; 1 where each is new."""
+    """Return for how many samples each reading (samples,) is repeated; 1 if each is new."""
     changes = np.flatnonzero(np.diff(values) != 0.0) + 1
     if changes.size < ENOUGH or changes.size > 0.6 * values.size:
         return 1
@@ -42,7 +42,7 @@ def repeated(values: Floats) -> int:
 
 
 def renewed(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace without stale readings of positions, and a sentence; "" if none is."""
+    """Return a trace without stale readings of positions, and a sentence on them; "" if none."""
     channels, said = dict(trace.channels), list[str]()
     for channel in positions:
         stale = _stale(trace[channel])
@@ -82,7 +82,7 @@ def _stale(values: Floats) -> NDArray[np.bool_]:
     small = int(np.sum(runs[1:] & (steps > 0.0) & (steps <= least)))
     by_chance = small * float(moved.min()) / (2.0 * least)
     equal = int(np.count_nonzero(stale))
-    if equal and float(pdtrc(equal - 1, by_chance)) > CHANCE:  # a Poisson count of that mean
+    if equal and float(pdtrc(equal - 1, by_chance)) > CHANCE:  # probability of a Poisson count
         stale[:] = False
     return stale
 

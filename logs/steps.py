@@ -1,9 +1,9 @@
-"""The step of which all values of a signal are multiples: an encoder's, a converter's, a printer's.
+"""The step of which all values of a signal are multiples, from encoder, converter or rounding.
 
 With distinct values u_0 < u_1 < ... all gaps u_{i+1} - u_i are multiples of the step. The smallest
-gap is a first estimate or, where levels are skipped (16 and 17 steps apart), the smallest
-difference of gaps. Taking the gaps in rising order and dividing their sum by the multiples counted
-so far makes the estimate sharper before larger gaps, with larger multiples, need it.
+gap is a first estimate or, if levels are skipped (16 and 17 steps apart), the smallest difference
+of gaps. The gaps are taken in rising order, and their sum is divided by the multiples counted so
+far, so the estimate is accurate enough before larger gaps, with larger multiples, need it.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ Floats = NDArray[np.float64]
 
 LEAST_LEVELS = 8
 ROUNDS = 8
-LARGEST_RESIDUAL = 0.003  # of a step; where there is no step, residuals spread evenly to 0.5
-LARGEST_MULTIPLE = 1e12  # beyond it the rounding of a double hides the step
+LARGEST_RESIDUAL = 0.003  # of a step; without a step, residuals are uniform up to 0.5
+LARGEST_MULTIPLE = 1e12  # above it the rounding of doubles hides the step
 
 
 def step_seen(values: Floats) -> float | None:
-    """Return the step of values, shape (samples,), or None if they show none.
+    """Return the step of values (samples,), or None if they show none.
 
-    Values that are not finite are passed over. A signal of fewer than eight levels shows none.
+    Values that are not finite are ignored. A signal with fewer than eight levels shows no step.
     """
     levels = np.unique(values[np.isfinite(values)])
     if levels.size < LEAST_LEVELS:
@@ -52,8 +52,8 @@ def _refined(gaps: Floats, step: float) -> float:
     sums = np.cumsum(gaps)
     for _ in range(ROUNDS):
         multiples = np.maximum(np.rint(gaps / step), 1.0)
-        # The smallest gaps, n steps in all, leave the step wrong by a fraction of 1/(2 n) at most:
-        # gaps of n/4 steps are still counted right.
+        # The smallest gaps, n steps in total, give the step to within a share of 1/(2 n), so gaps
+        # of up to n/4 steps are counted correctly.
         counted, least = np.cumsum(multiples), multiples[0]
         sure = counted[np.searchsorted(multiples, least, "right") - 1]
         safe = int(np.searchsorted(multiples, max(least, 0.25 * sure), "right"))

@@ -1,4 +1,4 @@
-"""The messages of a file by channel: arrays where the layout is known, one by one where not."""
+"""The messages of a file by channel: as arrays if their layout is known, else one by one."""
 
 import struct
 from collections.abc import Callable
@@ -23,7 +23,7 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
 class EventMessage(NamedTuple):
-    """One decoded message of `/events`; residual [s] is what log_time [ns] leaves out."""
+    """One decoded message of `/events`; residual [s]: the remainder of log_time [ns]."""
 
     sequence: int
     log_time: int
@@ -35,7 +35,7 @@ class EventMessage(NamedTuple):
 
 @dataclass
 class Stream:
-    """One channel of ours: samples of a flat topic, or messages of `/events`."""
+    """A channel that zwidth wrote: samples of a flat topic, or messages of `/events`."""
 
     schema: Schema
     channel: Channel
@@ -56,7 +56,7 @@ class Stream:
 
     @property
     def epoch_ns(self) -> int:
-        """The log time of t = 0; where the file does not say it, the first message's."""
+        """The log time of t = 0; that of the first message if the file does not state it."""
         known = read_epoch(self.channel)
         if known is not None:
             return known
@@ -66,7 +66,7 @@ class Stream:
 
 @dataclass
 class Streams:
-    """Schemas and channels met so far, and what was read from those that are ours."""
+    """Schemas and channels found so far, and the content of those that zwidth wrote."""
 
     schemas: dict[int, Schema] = field(default_factory=dict[int, Schema])
     channels: dict[int, Channel] = field(default_factory=dict[int, Channel])
@@ -79,7 +79,7 @@ class Streams:
         self.described.clear()
 
     def add_channel(self, channel: Channel) -> None:
-        """Remember a channel, and open a stream for it if it is one of ours."""
+        """Remember a channel, and open a stream for it if zwidth wrote it."""
         self.described.clear()
         schema = self.schemas.get(channel.schema_id)
         known = self.ours.get(channel.id)
@@ -95,7 +95,7 @@ class Streams:
             self.ours[channel.id] = stream
 
     def add_records(self, data: bytes) -> None:
-        """Read the records of a chunk, all or, raising RecordDamaged, none of them."""
+        """Read all records of a chunk; if one is damaged, raise RecordDamaged and read none."""
         found: list[tuple[Stream, Samples | EventMessage]] = []
         offset = 0
         while offset < len(data):

@@ -1,13 +1,13 @@
 """Stretches of a recording without a missing sample; computations use only these.
 
 A sample is missing if its row is missing, which the clock shows by a jump, or if a value of its row
-is no finite number: a sensor that begins late, a cell of text, an empty one. Both are treated the
-same: rows without a number are removed, and the clock then jumps over them.
+is not a finite number: a sensor that begins late, a cell of text, an empty one. Both are treated
+the same: rows without a number are removed, and the clock then jumps over them.
 
 Short gaps need not cut a recording: `bridged` inserts ticks, and marks them. Missing measurements
 are replaced there by a monotone cubic through their neighbours, for pictures and never for judging.
-A missing command has to follow from its neighbours: unless a straight line between them represents
-it, the gap is not bridged, since the device would be driven by a wrong force.
+A missing command must follow from its neighbours: if a straight line between them does not
+represent it, the gap is not bridged, since the device would be driven by a wrong force.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,18 +23,18 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Which = NDArray[np.bool_]
-JUMP = 0.5  # periods
+JUMP = 0.5  # periods by which the clock jumps
 BESIDE = 11  # samples
 LONGEST_BRIDGED = 10  # samples
-WHOLE = 0.2  # of the period, that a gap may differ by from whole samples, or a stamp from a tick
-TOLD = 0.05  # of the command's rms, that a line over a gap may err by
-MOST_BRIDGED = 0.5  # share of the samples
+WHOLE = 0.2  # of the period: most that a gap differs from whole samples, or a stamp from a tick
+TOLD = 0.05  # of the command's rms: largest error of a straight line over a gap
+MOST_BRIDGED = 0.5  # largest share of inserted samples
 
 
 def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
     """Return the samples at which all these channels have a finite value, and a note on the others.
 
-    The sentence counts the samples taken out, names the channels, and is "" if there are none.
+    The note counts the removed samples and names the channels; "" if none were removed.
     """
     known = {channel: np.isfinite(trace[channel]) for channel in channels}
     whole = np.logical_and.reduce(list(known.values()), initial=True)
@@ -53,9 +53,9 @@ def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trac
 
 
 def jumps(t: Floats, period: float) -> NDArray[np.int64]:
-    """Return the samples before which the clock jumps, and stays so.
+    """Return the samples before which the clock jumps permanently.
 
-    Stamps of a busy host bunch up and catch up again: then samples were even and none is lost. So
+    Stamps of a busy host may be late and then catch up: then samples were even and none is lost. So
     the median of t / T - k over the `BESIDE` samples after a jump must differ from that before.
     """
     ahead = (t - t[0]) / period - np.arange(t.size)
@@ -68,7 +68,7 @@ def jumps(t: Floats, period: float) -> NDArray[np.int64]:
 
 
 class Bridged(NamedTuple):
-    """A trace with ticks in its short gaps, which ticks these are, and a sentence; "" for none."""
+    """A trace with ticks inserted in short gaps, which ticks these are, and a note; "" for none."""
 
     trace: Trace
     ticks: Which
@@ -78,8 +78,8 @@ class Bridged(NamedTuple):
 def bridged(kept: Trace, whole: Trace, channels: Sequence[str], period: float) -> Bridged:
     """Return a trace without missing samples, with ticks inserted in gaps of `LONGEST_BRIDGED`.
 
-    kept: of `without_gaps`, perhaps put right since. whole: before that, whose rows may know a
-    command where nothing was measured. channels: what is computed on; period [s].
+    kept: from `without_gaps`, perhaps corrected later. whole: before that; its rows may have a
+    command where nothing was measured. channels: those used for computations; period [s].
     """
     gaps = [(k, n) for k, n in _gaps(kept.t, period) if _tells(kept, whole, k, n, period)]
     lost = sum(n for _, n in gaps)
@@ -161,14 +161,14 @@ def _over(channel: str, values: Floats, t: Floats, at: Floats) -> Floats:
     step = step_seen(values[known])
     if step is None:
         return found
-    origin = values[known][0]  # on the lattice of the encoder, where there is one
+    origin = values[known][0]  # on the lattice of the encoder, if there is one
     return origin + step * np.round((found - origin) / step)
 
 
 def longest_stretch(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
     """Return the longest stretch without a gap, and a sentence on what is left out, "" for none.
 
-    Short gaps are filled in as `bridged` does it, and said.
+    Short gaps are filled as in `bridged`, and reported.
     """
     kept, note = without_gaps(trace, channels, name)
     period = float(np.median(np.diff(kept.t))) if len(kept) > 1 else 0.0

@@ -22,7 +22,7 @@ LARGEST_SUMMARY = 1024 * MEBIBYTE
 
 @dataclass(frozen=True)
 class Summary:
-    """Where the summary starts, what the file holds, and where its records are (ascending)."""
+    """Offset of the summary, content of the file, and offsets of its records (ascending)."""
 
     start: int
     schemas: tuple[Schema, ...]

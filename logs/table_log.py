@@ -1,9 +1,9 @@
-"""A log as a table and back: what a CSV, Parquet or NPZ file of zwidth says about its own columns.
+"""A log as a table and back: how a CSV, Parquet or NPZ file of zwidth describes its columns.
 
 `about` is JSON: schema, origin, time (the column of t), columns (column -> [channel, unit, CRC-32
-of its doubles]), facts, metadata, epoch_ns, and where the format has room events, attachments and
-the columns of the substep trace. Columns are named as the fields of our MCAP logs are,
-quantity_place_unit. A checksum over the JSON itself closes it.
+of its doubles]), facts, metadata, epoch_ns and, if the format can store them, events, attachments
+and the columns of the substep trace. Columns are named like the fields of zwidth's MCAP logs,
+quantity_place_unit. It ends with a checksum over the JSON itself.
 """
 
 import base64
@@ -22,8 +22,8 @@ from zwidth.sim.trace import Trace
 
 SCHEMA = 1
 CHECKSUM = "crc32"
-SUBSTEP = "substep/"  # begins the columns of the substep trace
-ATTACHMENT = "attachment/"  # begins the names of attachments that are entries of an archive
+SUBSTEP = "substep/"  # prefix of the columns of the substep trace
+ATTACHMENT = "attachment/"  # prefix of attachments that are entries of an archive
 
 Columns = dict[str, Floats]
 
@@ -48,12 +48,12 @@ def columns_of(trace: Trace, prefix: str = "") -> tuple[Columns, dict[str, Any]]
 
 
 def checksum(values: Floats) -> int:
-    """Return the CRC-32 of doubles, in which all NaN are alike."""
+    """Return the CRC-32 of doubles; all NaN count as equal."""
     return zlib.crc32(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
 
 
 def about_of(log: Log) -> dict[str, Any]:
-    """Return what every format keeps about a log."""
+    """Return the description of a log that every format stores."""
     return {
         "schema": SCHEMA,
         "origin": log.tick.origin,
@@ -65,7 +65,7 @@ def about_of(log: Log) -> dict[str, Any]:
 
 
 def as_json(about: Mapping[str, Any]) -> str:
-    """Return about as one line of ASCII, with a checksum over itself."""
+    """Return `about` as one line of ASCII, with a checksum over itself."""
     plain = json.loads(json.dumps(about, default=str))
     return json.dumps({**plain, CHECKSUM: _sum(plain)})
 
@@ -85,12 +85,12 @@ def encoded(attachments: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def trace_of(source: Source) -> Trace:
-    """Return the trace in a file of ours; raises RecordingError."""
+    """Return the trace in a file of zwidth; raises RecordingError."""
     return log_of(source).tick
 
 
 def log_of(source: Source) -> Log:
-    """Return the log in a CSV, Parquet or NPZ file of ours; raises RecordingError."""
+    """Return the log in a CSV, Parquet or NPZ file of zwidth; raises RecordingError."""
     try:
         return _log(source, source.about)
     except RecordingError:

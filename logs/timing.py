@@ -1,8 +1,8 @@
-"""Time stamps, examined: their period, jitter, gaps, repeats, and a clock that goes back.
+"""Examines time stamps: period, jitter, gaps, repeats, and a clock that goes back.
 
-The period is the mean of the intervals within half a median of the median, so that it comes out
-right where stamps are rounded (0.0016, 0.0017, 0.0016 ... at 610.35 Hz), and gaps do not enter.
-Jitter is the spread of these intervals; rounding to a multiple of q alone makes up to q/2 of it.
+The period is the mean of the intervals within half a median of the median, so it is right for
+rounded stamps (0.0016, 0.0017, 0.0016 ... at 610.35 Hz), and gaps have no influence. Jitter is the
+spread of these intervals; rounding to a multiple of q alone causes up to q/2 of it.
 """
 
 from collections.abc import Mapping
@@ -17,16 +17,16 @@ from zwidth.logs.steps import step_seen
 
 Floats = NDArray[np.float64]
 
-EPOCH = 1e6  # seconds; stamps beyond count from an epoch, and are counted from the first instead
-GAP = 1.5  # an interval of that many periods lacks a sample
+EPOCH = 1e6  # seconds; larger stamps count from an epoch, so times are counted from the first stamp
+GAP = 1.5  # periods; in a longer interval a sample is missing
 NOTABLE_JITTER = 0.01  # of the period
 MOST_GAPS = 16
-BESIDE = 11  # samples, before and after a long interval
+BESIDE = 11  # samples used before and after a long interval
 
 
 @dataclass(frozen=True)
 class Gap:
-    """An interval longer than 1.5 periods: after t [s], so long [s], lacking so many samples."""
+    """An interval longer than 1.5 periods: start t [s], length [s], number of missing samples."""
 
     t: float
     seconds: float
@@ -37,11 +37,11 @@ class Gap:
 class Timing:
     """The examination of the stamps of one stream.
 
-    period [s]: 0 where fewer than two stamps differ. jitter [s]: standard deviation of the
-    intervals that are no gaps. resolution [s]: the step of which all stamps are multiples, 0
-    where none finer than the period is seen. gap_count and missing count all gaps and the samples
-    that lack; gaps holds the first 16. repeats and backwards count stamps equal to, and earlier
-    than, the one before; the *_at are the times of the first.
+    period [s]: 0 if fewer than two stamps differ. jitter [s]: standard deviation of the intervals
+    that are not gaps. resolution [s]: the step of which all stamps are multiples, 0 if none finer
+    than the period is seen. gap_count and missing count all gaps and missing samples; gaps lists
+    the first 16. repeats and backwards count stamps equal to, and earlier than, the one before; the
+    *_at are the times of the first.
     """
 
     samples: int
@@ -60,7 +60,7 @@ class Timing:
 
     @property
     def rate(self) -> float:
-        """Samples per second, 0 where there is no period."""
+        """Samples per second, 0 without a period."""
         return 1.0 / self.period if self.period > 0.0 else 0.0
 
     def facts(self) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class Timing:
         return values
 
     def faults(self) -> list[str]:
-        """Return a sentence for everything that a clock should not show."""
+        """Return a sentence on each fault of the clock."""
         found: list[str] = []
         if self.backwards:
             found.append(
@@ -121,10 +121,10 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         period = float(f"{usual.mean():.12g}")
     gap_at = np.flatnonzero(intervals > GAP * period) if period else np.array([], dtype=np.int64)
     late = np.array([not _stays(t, int(i) + 1, period) for i in gap_at], dtype=np.bool_)
-    if late.any():  # the next came the sooner: no sample lacks
+    if late.any():  # the next interval is shorter: no sample is missing
         scattered = [i for i in gap_at[late] if i == 0 or intervals[i - 1] > 0.0]
         gap_at = gap_at[~late]
-        if scattered:  # and it is jitter, unless it follows a stamp that repeats or goes back
+        if scattered:  # jitter, unless it follows a stamp that repeats or goes back
             usual = np.delete(intervals, gap_at)
             usual = usual[usual > 0.0]
     lacking = np.maximum(np.rint(intervals[gap_at] / period) - 1.0, 1.0) if period else gap_at
@@ -169,7 +169,7 @@ def _resolution(t: Floats, period: float, rounding: float) -> float:
 
 @dataclass(frozen=True)
 class Stamps:
-    """The stamps of one stream as the file has them; one counts `unit` seconds.
+    """The stamps of one stream as written in the file, in units of `unit` seconds.
 
     shift [s] is added to all of them.
     """
@@ -187,8 +187,8 @@ class Stamps:
     def seconds(self, origin: Fraction) -> Floats:
         """Return the stamps [s] since the origin, shape (samples,).
 
-        A clock that counts from an epoch is counted from its own first stamp before it becomes a
-        double: 1.7e18 ns has steps of 256 ns in one.
+        The first stamp of a clock that counts from an epoch is subtracted before the conversion to
+        doubles, in which 1.7e18 ns has steps of 256 ns.
         """
         if origin == 0 and self.shift == 0.0:
             return np.asarray(self.raw, dtype=np.float64) * self.unit
@@ -209,6 +209,6 @@ def _decimal(unit: float) -> Fraction:
 
 
 def common_origin(streams: Mapping[str, Stamps]) -> Fraction:
-    """Return what to count from: 0, or the earliest stamp of all where it counts from an epoch."""
+    """Return the origin of times: 0, or the earliest of all stamps if it counts from an epoch."""
     earliest = min(stamps.first for stamps in streams.values())
     return earliest if abs(earliest) > EPOCH else Fraction(0)

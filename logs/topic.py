@@ -11,11 +11,11 @@ from zwidth.logs.errors import LogBlockError
 from zwidth.logs.layout import Encoder, Floats, Layout
 from zwidth.logs.schema import FlatSchema
 
-CHUNK_BYTES = 256 * 1024  # uncompressed, at most: about a second of a run
+CHUNK_BYTES = 256 * 1024  # largest uncompressed size: about a second of a run
 
 
 class Topic:
-    """A flat topic of a log being written; counts the samples it has turned into chunks."""
+    """A flat topic of a log being written; counts the samples written into chunks."""
 
     def __init__(self, flat: FlatSchema, epoch_ns: int, schema: Schema, channel: Channel) -> None:
         layout = Layout(channel.id, flat.numbers)
@@ -27,7 +27,7 @@ class Topic:
         self.written = 0
 
     def chunks(self, t: Floats, channels: Mapping[str, Floats]) -> Iterator[Content]:
-        """Yield the block as chunks; each is valid until the next one is asked for.
+        """Yield the block as chunks; each is valid until the next one is requested.
 
         Raises LogBlockError if names, shapes or times do not fit, before the first chunk.
         """
@@ -47,8 +47,8 @@ class Topic:
         wrong = sorted(set(channels) ^ set(names))
         if wrong:
             raise LogBlockError(
-                f"a block for {self.flat.topic} and its channels differ in {', '.join(wrong)}; give"
-                f" it exactly {', '.join(names) or 'none'}"
+                f"a block for {self.flat.topic} and the channels of this topic differ in"
+                f" {', '.join(wrong)}; the block must have exactly {', '.join(names) or 'none'}"
             )
         arrays = [t, *(channels[name] for name in names)]
         columns = [np.asarray(array, dtype=np.float64) for array in arrays]

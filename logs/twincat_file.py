@@ -5,8 +5,8 @@
     SymbolName    MAIN.fActPosition    ...
     0             0.12                 0             0.3
 
-Tabs, semicolons or commas separate the cells; lines about the whole file stand above the channels.
-Times are milliseconds, of each channel its own. Layout: TF3300 TC3 Scope Server, "Export formats:
+Tabs, semicolons or commas separate the cells; lines about the whole file are above the channels.
+Each channel has its own times, in milliseconds. Layout: TF3300 TC3 Scope Server, "Export formats:
 CSV".
 """
 
@@ -20,15 +20,15 @@ from zwidth.logs.csv_file import decoded
 from zwidth.logs.source import RecordingError, Signal, Source
 
 START = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe)?\s*Name\s*[\t;,]")
-MARKS = ("SampleTime[ms]", "SymbolName", "Data-Type")  # that a header of Scope has
+MARKS = ("SampleTime[ms]", "SymbolName", "Data-Type")  # words in a header of Scope
 DELIMITERS = "\t;,"
 LOOKED_AT = 20_000  # bytes
 MILLISECOND = 1_000_000  # ns
-LATEST = 9.2e12  # ms that nanoseconds of 63 bits can count
+LATEST = 9.2e12  # largest time in ms: nanoseconds with 63 bits
 
 
 def is_scope(data: bytes) -> bool:
-    """Return whether a text begins as an export of TwinCAT Scope does."""
+    """Return whether a text begins like an export of TwinCAT Scope."""
     head = data[:LOOKED_AT]
     return START.match(head) is not None and any(mark.encode() in head for mark in MARKS)
 

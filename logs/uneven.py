@@ -1,4 +1,4 @@
-"""Samples at uneven instants, brought onto even ticks where the motion shows that they were uneven.
+"""Samples at uneven times, resampled at even ticks if the motion shows that they were uneven.
 
 A loop on a busy host samples late, and stamps the true times; a logger on such a host puts late
 stamps on samples that were taken evenly. Both files look alike, and the motion distinguishes them.
@@ -10,9 +10,9 @@ is b v_k d_k + noise, where d_k is the same difference of the stamp and v_k the 
 if samples were taken at their stamps, and 0 if they were even. The cubic also removes any drift of
 the clock. Least squares over all samples and outputs gives b and its error.
 
-Onto even ticks outputs come by a cubic spline, whose error is of the fourth order in the interval;
-of a command, which is held, the mean over each tick is taken, which has the same impulse. Limits: a
-spline smooths nothing, but steps of an encoder no longer lie on multiples of a step.
+Outputs are resampled by a cubic spline, whose error is of the fourth order in the interval; a
+command, which is held, is replaced by its mean over each tick, which has the same impulse. Limits:
+a spline does not smooth, but an encoder's values are no longer multiples of its step.
 """
 
 import itertools
@@ -29,16 +29,16 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 
-SCATTER = 0.01  # of the period, below which stamps are even for any purpose
+SCATTER = 0.01  # of the period: smaller scatter counts as even
 SHOWN = 0.5  # b above which samples were taken when their stamps say
-CLEARLY = 4.0  # standard errors that b must stand apart from either
-FEWEST = 50  # samples that can say so
-LONGEST = 3.0  # periods: what a spline spans; beyond, samples are lost
+CLEARLY = 4.0  # least distance of b from 0 or 1, in standard errors
+FEWEST = 50  # least samples for this test
+LONGEST = 3.0  # periods that a spline may span; beyond, samples are lost
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """How far the scatter of the stamps shows in the motion: share b and its standard error."""
+    """How much of the stamps' scatter the motion shows: share b and its standard error."""
 
     seconds: float
     share: float
@@ -46,7 +46,7 @@ class Scatter:
 
     @property
     def real(self) -> bool:
-        """Whether samples were taken when their stamps say."""
+        """Whether samples were taken at the times of their stamps."""
         return self.share > SHOWN and self.share > CLEARLY * self.error
 
 
@@ -76,17 +76,17 @@ def scatter(trace: Trace, outputs: Sequence[str]) -> Scatter | None:
     if power == 0.0:
         return None
     share = float(x @ r) / power
-    spread = x * (r - share * x)  # of each sample's own size: noise is not the same everywhere
+    spread = x * (r - share * x)  # from each sample's own residual, since noise varies
     return Scatter(seconds, share, float(np.sqrt(spread @ spread)) / power)
 
 
 def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace on even ticks of that period [s], and a sentence; as it is where it is even.
+    """Return a trace on even ticks of a period [s], and a sentence; unchanged if it is even.
 
-    outputs: the channels that are interpolated, each finite, as known forces are; `command` is
-    averaged, if it is there, and what is recorded of a drive's state is held. A loop that comes
-    late holds its command meanwhile, and nothing is lost; stretches between gaps of more than
-    `LONGEST` periods are each brought onto ticks of their own.
+    outputs: the channels that are interpolated, each finite, like known forces; `command`, if any,
+    is averaged, and the recorded state of a drive is held. A late loop holds its command meanwhile,
+    and no sample is lost; stretches between gaps of more than `LONGEST` periods each get their own
+    ticks.
     """
     seen = scatter(trace, outputs)
     if seen is None:

@@ -1,4 +1,4 @@
-"""Units in which recordings are written, and the value of each in SI."""
+"""Units of recordings, and the value of each in SI."""
 
 import math
 import re
@@ -8,7 +8,7 @@ from zwidth.sim.nearest import nearest
 
 
 class Unit(NamedTuple):
-    """One of the unit is `factor` of the SI unit."""
+    """A unit: `factor` times the SI unit."""
 
     si: str
     factor: float
@@ -42,7 +42,7 @@ UNITS: dict[str, Unit] = {
     "deg/s": Unit("rad/s", DEGREE),
     "rev/s": Unit("rad/s", TURN),
     "rpm": Unit("rad/s", TURN / 60.0),
-    "erpm": Unit("rad/s", TURN / 60.0),  # of one pair of poles; see `ELECTRICAL`
+    "erpm": Unit("rad/s", TURN / 60.0),  # for one pair of poles; see `ELECTRICAL`
     "m/s": Unit("m/s", 1.0),
     "cm/s": Unit("m/s", 1e-2),
     "mm/s": Unit("m/s", 1e-3),
@@ -70,12 +70,12 @@ UNITS: dict[str, Unit] = {
     "kN": Unit("N", 1e3),
     "kgf": Unit("N", GRAVITY),
     "lbf": Unit("N", POUND_FORCE),
-    # what an amplifier is told
+    # input of an amplifier
     "V": Unit("V", 1.0),
     "mV": Unit("V", 1e-3),
     "A": Unit("A", 1.0),
     "mA": Unit("A", 1e-3),
-    # what an encoder tells
+    # output of an encoder
     "counts": Unit("counts", 1.0),
     "counts/s": Unit("counts/s", 1.0),
     "counts/s2": Unit("counts/s2", 1.0),
@@ -113,7 +113,7 @@ SPELLINGS = {
     "hours": "hour", "days": "day", "Grad": "deg", "NM": "Nm", "mNM": "mNm",
     "min1": "rpm", "ozin": "ozfin", "lbin": "lbfin",
 }  # fmt: skip
-"""Other ways in which the same units are written, once spaces, dots and stars are gone."""
+"""Other spellings of the same units, after removal of spaces, dots and stars."""
 
 SI = {
     "position": ("rad", "m"),
@@ -124,17 +124,17 @@ SI = {
 }
 """Quantity -> its SI unit on a rotary and on a linear device."""
 OF_DRIVE = {"enable": ("", ""), "supply": ("V", "V")}
-"""The same of what is recorded of a drive's state."""
+"""The same for the recorded state of a drive."""
 GOAL = SI["position"]
-"""What a command may be in besides: a servo's is the position that it is to go to."""
+"""Further units of a command: a servo's command is the position of its goal."""
 
 
 ELECTRICAL = "erpm"
-"""Turns of the field, of which a motor of n pole pairs takes n to one of its own."""
+"""Turns of the field: n for one turn of a motor with n pole pairs."""
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit of that spelling ("N·m", "deg/s^2", "µm"), or None."""
+    """Return the unit with a spelling ("N·m", "deg/s^2", "µm"), or None."""
     spelled = re.sub(r"[\s.·⋅*_-]|\^|\*\*", "", text.strip("[]() "))
     spelled = re.sub("[\u00b5\u03bc]", "u", spelled).replace("²", "2")
     spelled = SPELLINGS.get(spelled, SPELLINGS.get(spelled.lower(), spelled))
@@ -142,7 +142,7 @@ def find_unit(text: str) -> Unit | None:
 
 
 def known_unit(text: str, where: str) -> Unit:
-    """Return the unit, or raise ValueError that begins with `where` and names the nearest one."""
+    """Return the unit; raises ValueError that begins with `where` and names the nearest one."""
     unit = find_unit(text)
     if unit is None:
         raise ValueError(f"{where} is {text!r}, which is not a known unit; {nearest(text, UNITS)}")

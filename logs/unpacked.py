@@ -1,7 +1,7 @@
-"""How much a file may unpack to: a small file that unpacks to gigabytes is refused before it does.
+"""Limits of unpacked sizes: a small file that would unpack to gigabytes is refused before it does.
 
-Real recordings of motion unpack to 2 to 40 times their size, also where most columns stand still;
-a file made to exhaust the memory, to a thousand times and more.
+Real recordings of motion unpack to 2 to 40 times their size, even if most columns are constant; a
+file crafted to exhaust the memory unpacks to a thousand times and more.
 """
 
 from pathlib import Path
@@ -9,8 +9,8 @@ from pathlib import Path
 from zwidth.logs.source import RecordingError
 
 MOST_BYTES = 1 << 33  # whatever the size of the file
-MOST_TIMES = 200  # its size
-ALWAYS_BYTES = 1 << 28  # however small the file is: 33 million numbers
+MOST_TIMES = 200  # of the file's size
+ALWAYS_BYTES = 1 << 28  # allowed for any file: 33 million numbers
 MEBIBYTE = 1 << 20
 
 
@@ -29,8 +29,8 @@ def refuse_bomb(
 
 
 def too_large(path: Path, size: int, allowed: int) -> RecordingError:
-    """Return the refusal of a file that unpacks to more than is allowed."""
+    """Return the error for a file that unpacks to more than is allowed."""
     return RecordingError(
-        f"{path.name} has {size} bytes and unpacks to more than {allowed / MEBIBYTE:.4g} MiB, the"
-        " most that a file of its size may; split it, or save it without compression"
+        f"{path.name} has {size} bytes and unpacks to more than {allowed / MEBIBYTE:.4g} MiB, too"
+        " much for a file of this size; split it, or save it without compression"
     )

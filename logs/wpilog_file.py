@@ -1,4 +1,4 @@
-"""WPILOG files of robots' data logs: each entry with its own stamps.
+"""WPILOG files (data logs of robots): each entry has its own stamps.
 
 Layout: "WPILib Data Log File Format Specification", version 1.0. A record is an entry's number, the
 size of its payload, a time in microseconds, and the payload; entry 0 begins and ends the others.

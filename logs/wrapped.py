@@ -1,12 +1,12 @@
 """Positions that jump where a counter or an angle starts again, made continuous.
 
-    y_k - y_(k-1) = (q_k - q_(k-1)) - M or + M,    M what the counter holds, or a turn.
+    y_k - y_(k-1) = (q_k - q_(k-1)) - M or + M,    M the range of the counter, or a turn.
 
 A wrap is distinguished from a motion by four signs: all such steps have the same size; before and
-after it the motion continues at its own pace; all readings lie within M; and both ends and the
-middle of it are visited, which is not so for a single wrong reading or a switch. M is a turn if it
-agrees with one to a hundredth, else a power of two of the reading's steps if it agrees as well,
-else the mean of the steps.
+after it the motion continues at the same speed; all readings lie within M; and both ends and the
+middle of M are visited, unlike for a single wrong reading or a switch. M is a turn if it agrees
+with one to 1 %, else a power of two of the reading's steps if it agrees with this to 1 %, else the
+mean of the steps.
 """
 
 import math
@@ -20,19 +20,19 @@ from zwidth.logs.timing import times
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-FAR = 0.5  # of the range, that a step back to its other end is at least
-ALIKE = 0.02  # of M, by which its steps may differ
-ON = 5.0  # steps of the motion beside, by which it may go on otherwise
-BESIDE = 4  # samples on each side that say how it goes on
-VISITED = 0.02  # share of the samples in either end of the range, and between
-NEAR = 0.01  # of M, within which a turn or a whole counter is meant
+FAR = 0.5  # of the range: least step from one end to the other
+ALIKE = 0.02  # of M: largest difference of such steps
+ON = 5.0  # steps of the neighbouring motion: largest change at a wrap
+BESIDE = 4  # samples on each side that show the motion
+VISITED = 0.02  # least share of the samples at each end of the range, and in the middle
+NEAR = 0.01  # of M: tolerance for a turn or a power of two
 
 
 def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
-    """Return a counter (samples,) of known modulus without its wraps, and how many there were.
+    """Return a counter (samples,) of known modulus without its wraps, and their number.
 
-    The least of the steps that two readings may be apart is taken, less than half of the modulus;
-    over a gap it is that between the readings around it.
+    Each step is the smallest possible one, less than half of the modulus; over a gap, that between
+    the readings around it.
     """
     found, known = raw.copy(), np.isfinite(raw)
     found[known] = np.unwrap(raw[known], period=modulus)
@@ -41,7 +41,7 @@ def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
 
 
 def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return a trace with continuous positions, and a sentence on the wraps; "" for none."""
+    """Return a trace with continuous positions, and a sentence on its wraps; "" for none."""
     said: list[str] = []
     channels = dict(trace.channels)
     for channel in positions:

@@ -1,9 +1,9 @@
-"""Times as programs write them, "2025-11-12T10:03:29.555Z" or "10:03:29.555", as numbers.
+"""Written times, "2025-11-12T10:03:29.555Z" or "10:03:29.555", as numbers.
 
 A column of them becomes whole nanoseconds: since 1970 if the day is given, else since midnight,
-continuing past midnight. Fractions may follow a point, a comma or a colon. A zone is subtracted;
-without one none is needed, since only differences count. In 3/5/2024 the month is assumed to come
-first unless that is impossible, in 3.5.2024 the day.
+continuing past midnight. Fractions may follow a point, a comma or a colon. A time zone is
+subtracted; without one nothing is needed, since only differences count. In 3/5/2024 the month is
+assumed to come first unless that is impossible, in 3.5.2024 the day.
 """
 
 import calendar
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 SECOND = 1_000_000_000
 DAY = 86_400 * SECOND
-SHARE = 0.9  # of the cells that are not blank, that must be times
+SHARE = 0.9  # least share of times among the cells that are not blank
 CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<f>\d{1,9}))?)?"
 ZONE = r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?:Z|UTC|GMT|(?P<zone>[+-]\d{2}:?\d{2}))?"
 FORMS = tuple(
@@ -63,7 +63,7 @@ def nanoseconds_of(cells: Sequence[object]) -> tuple[NDArray[np.int64], NDArray[
 
 
 def is_date(text: str) -> bool:
-    """Return whether a text is a day without a clock, as in a column beside that of the clock."""
+    """Return whether a text is a date without a time, as in a column beside that of the time."""
     return any(form.match(text.strip()) for form in DATES)
 
 

@@ -5,8 +5,8 @@ from zwidth.planning.excitations import Scale
 from zwidth.planning.rehearsal import Noise
 from zwidth.sim.device import Device
 
-PROCESS = 0.002  # of the largest command: the default process noise
-LONGEST = 120_000  # ticks: memory holds a hundred signatures of this length at once
+PROCESS = 0.002  # default process noise, over the largest command
+LONGEST = 120_000  # ticks: a hundred signatures of this length fit into memory
 
 
 def check_length(device: Device, seconds: float) -> None:
@@ -22,7 +22,7 @@ def check_length(device: Device, seconds: float) -> None:
 def usual_noise(
     device: Device, scale: Scale, measurement: float | None = None, process: float | None = None
 ) -> Noise:
-    """Return the noise as given, by default an encoder's step and 0.2 % of the largest command.
+    """Return the given noise, by default an encoder's rounding and 0.2 % of the largest command.
 
     Raises ValueError if the measurement noise is not given and the device has no encoder step.
     """

@@ -33,7 +33,7 @@ MARGIN = 0.9  # share of the command limit that is used
 ROTARY_TRAVEL, LINEAR_TRAVEL = 1.0, 0.1  # [rad], [m], if nothing else is known
 CYCLE_S, HOLD_S, CHIRP_FROM_HZ = 4.0, 0.05, 4.0
 HALVINGS = 12
-WIDER = 1.5  # allowed travel over the recorded one
+WIDER = 1.5  # allowed travel over the recorded travel
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Scale:
 
 
 class NoExcitation(ValueError):
-    """The time is too short for the band of an excitation."""
+    """The time is too short for the frequency band of an excitation."""
 
 
 def scale_for(
@@ -105,8 +105,8 @@ def excitation(name: str, device: Device, seconds: float, scale: Scale, seed: in
 def bearable(device: Device, unit: Floats, scale: Scale) -> float:
     """Return the largest strength of a signal within the level and the travel of the scale.
 
-    Computed by scaling for a linear device, by bisection for one with physics of its own, such as
-    friction, play or stops.
+    Computed by scaling for a linear device, by bisection for one with friction, play, stops or
+    other effects.
     """
     if not device.physics:
         return min(scale.level, scale.travel / travelled(device, unit))
@@ -154,7 +154,7 @@ def rising_chirp(duration: float, period: float, seed: int) -> Floats:
 
 
 def slow_triangle(duration: float, period: float, seed: int) -> Floats:
-    """Return triangles of four seconds each, or two triangles in a shorter time."""
+    """Return triangles of four seconds each, or two if the time is shorter than two of these."""
     return triangle(1.0, min(CYCLE_S, 0.5 * duration), duration, period)
 
 

@@ -14,8 +14,8 @@ magnitude, so the magnitude at which sigma = 5 is found by bracketing. The clock
 effect of a delay and is only limited by its prior: a delay of d has a sigma of at most d over the
 prior's width.
 
-Limits: J and s are computed for one device on one recording. Of an encoder's step only the gain in
-prediction is counted, not the fact that all values then lie on one lattice.
+Limits: J and s are computed for one device on one recording. For an encoder's step only the gain in
+prediction counts, not the fact that all values are then multiples of the step.
 """
 
 from collections.abc import Callable
@@ -41,14 +41,14 @@ SHOWN = 5.0  # sigma at which an effect counts as visible
 CLOSE = 0.02  # relative tolerance of sigma at the returned magnitude
 JUMP = 1e-5  # relative width at which a bracket is narrow enough, even if sigma jumps in it
 DROPS = 50  # lost commands from which the effect of one is estimated
-WEAKEST, STRONGEST = 1e-12, 1e6  # factors on the magnitude within which a limit is sought
+WEAKEST, STRONGEST = 1e-12, 1e6  # range of factors on the magnitude in which a limit is sought
 TRIES = 80
 
 
 def sigma(reference: Reference, physics: Physics) -> float:
     """Return at how many sigma an effect with these values is visible after a refit.
 
-    dropped_samples: the mean over which commands are lost, and zero if fewer than one is.
+    dropped_samples: the mean over possible sets of lost commands, zero if fewer than one is lost.
     """
     name = physics.effect.name
     if name == dropped_samples.name:
@@ -89,8 +89,8 @@ def limit(reference: Reference, physics: Physics) -> Physics | None:
 def crossing(sigma_at: Callable[[float], float | None]) -> float | None:
     """Return the factor, near the smallest, at which sigma is 5; None if there is no such factor.
 
-    sigma_at returns None if a factor is more than the effect allows. The factor is bracketed in
-    growing steps and then found by secants in the logarithms, which are exact for a power law.
+    sigma_at returns None if the effect does not allow a factor. The factor is bracketed in growing
+    steps and then found by secants in the logarithms, which are exact for a power law.
     """
     low: tuple[float, float] | None = None
     high: tuple[float, float] | None = None

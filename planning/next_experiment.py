@@ -1,12 +1,12 @@
-"""The next recording to make, to tell two effects that look alike apart.
+"""The next recording to make, which distinguishes two effects that look alike.
 
 Every excitation of the library is simulated on the fitted device, and the two effects are compared
 on it at their fitted values: |s_a - s_b(p) - J x| with b's parameters p and the refit x fitted, and
 with a and b exchanged. The chosen excitation is the one for which the smaller of the two distances
 is largest. It is as strong and as long as the recording, with half as much again of travel.
 
-A distance below 1 does not help, nor one below the best so far: it is not computed to the end, and
-what is reported of these excitations is an upper limit.
+A distance below 1, or below the best so far, does not help: it is not computed to the end, and an
+upper limit is reported for these excitations.
 """
 
 from collections.abc import Sequence
@@ -83,7 +83,7 @@ def next_experiment(
         played = found[name][1]
         if played is None or limits[name] <= most:
             continue
-        limit, limits[name] = limits[name], 0.0  # if an error prevents the second distance
+        limit, limits[name] = limits[name], 0.0  # 0 if an error prevents the second distance
         with isolated("next experiment", name):
             limits[name] = min(limit, _apart(played, b, a, most))
         most = max(most, limits[name])

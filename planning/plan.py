@@ -1,9 +1,9 @@
-"""What a planned recording would show: the limit of each effect, and which it cannot tell apart.
+"""What a planned recording would show: the limit of each effect, and effects that look alike.
 
 The recording is simulated with its noise and analysed as `planning.limits` does a real one. The
 limit of every effect, its smallest magnitude at five sigma, is computed. Then each effect at
-`ALIKE` times its limit is compared with every other effect, at the shape and strength at which, to
-first order, that one is nearest.
+`ALIKE` times its limit is compared with every other effect, with the shape and strength of the
+other that are nearest to first order.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -45,7 +45,7 @@ Advance = Callable[[str], object]
 class Visible(Valued):
     """The smallest visible magnitude of an effect; physics: the effect at five sigma, or None.
 
-    None: no magnitude is visible. name, unit: of the parameter that is its magnitude. natural:
+    None: no magnitude is visible. name, unit: of the parameter that gives its magnitude. natural:
     reference for a relative magnitude: a friction as large as the command, a gap as large as the
     link's stretch.
     """
@@ -59,7 +59,7 @@ class Visible(Valued):
 
     @property
     def shape(self) -> dict[str, float]:
-        """The parameters besides the magnitude, at which the limit holds."""
+        """The other parameters, for which the limit holds."""
         values = {} if self.physics is None else self.physics.values
         return {k: v for k, v in values.items() if k != self.name}
 
@@ -76,7 +76,7 @@ class Visible(Valued):
 class Confusable(Valued):
     """Two effects that look alike when one of them has three times its limit.
 
-    separation_sigma: the smaller of the two distances, of either from the other. better: the
+    separation_sigma: the smaller of the two distances, of each from the other. better: the
     excitation of the library that separates them best, with its sigma; None if no excitation
     reaches five sigma.
     """
@@ -108,7 +108,7 @@ class Plan(Shown):
 def plan(
     device: Device, experiment: Experiment, noise: Noise, advance: Advance = lambda _: None
 ) -> tuple[Plan, Reference]:
-    """Return the analysis of a rehearsed recording, and the reference that it was made with.
+    """Return the analysis of a simulated recording, and the reference used for it.
 
     advance is called after every effect. `better_excitations` adds better excitations.
     """
@@ -132,7 +132,7 @@ def plan(
 
 
 def most_steps(device: Device) -> int:
-    """Return how often at most `plan` and `better_excitations` call `advance`, together."""
+    """Return the most calls of `advance` by `plan` and `better_excitations` together."""
     every = (place_at(at) for effect in EFFECTS.values() for at in effect.places)
     places = sum(place.masses_needed <= device.chain.masses.size for place in every)
     return places + 1 + len(LIBRARY)

@@ -28,7 +28,7 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
-SMALL = 1e-4  # of a recording's motion: so small an effect has a linear signature
+SMALL = 1e-4  # of a recording's motion: the signature of an effect this small is linear
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,9 @@ def reference(
 ) -> Reference:
     """Prepare a device on experiments.
 
-    device: the true one as far as it is known; its effects count as known. noise: if it is None,
-    the observer is chosen by the likelihood of the recordings under this device, and remaining
-    colour is whitened: the recordings must then contain no physics that the device lacks.
+    device: the best known one; its effects count as known. noise: if it is None, the observer is
+    chosen by the likelihood of the recordings under this device, and remaining colour is whitened:
+    the recordings must then contain no physics that the device lacks.
     """
     nothing = np.zeros(Model(device).linear_count)
     if noise is None:

@@ -11,7 +11,7 @@ from zwidth.sim.physics.effect import Physics
 
 
 def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
-    """Choose and write the excitation that tells the first doubtful finding from its nearest rival.
+    """Choose and write the excitation that separates the first doubtful finding and its rival.
 
     Returns None if no finding is doubtful, or no excitation of the library tells them apart.
     """

@@ -34,8 +34,8 @@ ROUNDS = 5
 STEP = 1e-3  # of a parameter's scale, for finite differences
 TRIED = 2  # starts of each rival that are refined
 ENOUGH = 0.005  # relative improvement below which the refinement has converged
-AIMS = 3  # times that a start's strength is adjusted
-MANY = 6  # number of starts from which a rival also has shapes between them
+AIMS = 3  # number of adjustments of a start's strength
+MANY = 6  # starts; a rival with more also has shapes between them
 RELATED = 0.995  # of the whole distance: largest remaining distance of a related start
 SMALLEST, LARGEST = 1e-6, 1e4  # factors by which a start's strength may change at once
 
@@ -54,7 +54,7 @@ def separation(
     starts with their free parameters, several per rival (`seeking.candidates`); by default every
     other effect at every place. refine: whether to use Gauss-Newton steps, which find periods and
     frequencies between the starts; without them only the strength of every start is fitted. enough:
-    of a smaller distance an upper limit is returned, without further steps.
+    for a smaller distance an upper limit is returned, without further steps.
     """
     own = place_label(physics)
     grouped: dict[str, list[Start]] = {}

@@ -17,8 +17,8 @@ TIME = "time"
 class Difference(NamedTuple):
     """The first place where a log and its replay differ.
 
-    tick k and time t [s] of the sample; topic "/tick" or "/substep"; channel, "time" where a sample
-    is too many, missing or displaced; the value logged and the value replayed (None: no sample).
+    tick k and time t [s] of the sample; topic "/tick" or "/substep"; channel, "time" if a sample is
+    additional, missing or displaced; the value logged and the value replayed (None: no sample).
     """
 
     tick: int
@@ -53,8 +53,8 @@ class Found(NamedTuple):
 class Comparison:
     """One topic of a log, compared with a replay that comes in blocks.
 
-    per_tick: samples in a tick. whole: every replayed sample must be in the log; where parts of
-    the log are lost, only those it has are compared. Samples are matched by their times.
+    per_tick: samples in a tick. whole: every replayed sample must be in the log; if parts of the
+    log are lost, only the remaining ones are compared. Samples are matched by their times.
     """
 
     topic: str

@@ -1,7 +1,7 @@
 """Controllers by name: a `[controller]` table to a controller and back.
 
-A new kind is one line in KINDS. The factory's own signature says which keys the table has and of
-which type; the controller's `facts` give the values back, and an array is its `parameters`.
+A new kind is one line in KINDS. The factory's signature determines the keys of the table and their
+types; the controller's `facts` contain the values, and its `parameters` are the array, if any.
 """
 
 import inspect
@@ -24,7 +24,7 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.table import Table, TableError
 
 Floats = NDArray[np.float64]
-Files = Callable[[str], bytes]  # a file that a scenario names, by that name
+Files = Callable[[str], bytes]  # the content of a file that a scenario names
 
 KINDS: Mapping[str, Callable[..., Controller]] = MappingProxyType(
     {
@@ -45,7 +45,7 @@ USER_KEYS = ("kind", "function", "parameters", "memory")
 def read_controller(table: Table, files: Files, step: Step | None = None) -> Controller:
     """Return the controller of a table. step: the user's own function, for kind = "user".
 
-    Code is never loaded because a file names it: whoever calls supplies the function.
+    Code is never loaded because a file names it: the caller supplies the function.
 
     Raises ValueError with one sentence: an unknown kind or key (with the nearest known one), a
     value that is missing or not allowed, a function that is missing or not wanted.
@@ -115,7 +115,7 @@ def _read_user(table: Table, step: Step | None) -> Controller:
 
 
 def whole(table: Table, key: str, default: int) -> int:
-    """Return a whole number; raises TableError for another."""
+    """Return a whole number; raises TableError for any other."""
     value = table.number(key, float(default))
     if not value.is_integer():
         place = f"{table.path}.{key}" if table.path else key

@@ -19,7 +19,7 @@ from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
 
-BASE = "base"  # what the device stands on, from which its positions are counted
+BASE = "base"  # the base of the device, relative to which its positions are counted
 COMMON = ("kind", "at", "amplitude", "from_s", "to_s")
 KEYS = {
     "constant": COMMON,

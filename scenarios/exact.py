@@ -2,7 +2,7 @@
 
 Matrix exponentials, eigenvalues, library functions and random streams differ in their last bits, or
 altogether, between processors and library versions; the tick itself does not. So these numbers go
-into the log, and a replay uses them in place of its own. Those that make the device must agree with
+into the log, and a replay uses them in place of its own. The numbers of the device must agree with
 the device in the log; a drawn or sampled signal (disturbance, controller) may differ, which is
 reported.
 """
@@ -22,12 +22,12 @@ from zwidth.sim.run import Setup
 Floats = NDArray[np.float64]
 Numbers = TypeVar("Numbers", bound=tuple[Any, ...])
 
-START = ("x", "scalars", "internal")  # of the memory: what is not zero at t = 0
+START = ("x", "scalars", "internal")  # parts of the memory that are not zero at t = 0
 SIGNALS = {"external": "disturbance", "parameters": "controller's signal"}
-# Relative to the largest entry of an array. Processors differ by 1e-13 or so, more where modes lie
-# close; another device differs by more than this in something.
+# Relative to the largest entry of an array. Processors differ by about 1e-13, more if modes are
+# close; another device differs by more in at least one array.
 AGREE = 1e-8
-READ_BEFORE = (4, 7)  # scalars of the memory up to version 0.2, and before forces over time
+READ_BEFORE = (4, 7)  # numbers of scalars up to version 0.2, and before forces over time
 
 
 class NotTheSame(ValueError):

@@ -4,7 +4,7 @@ Where a wall (K, B) sustains an oscillation of frequency f, 1 + z^-d (K + B w) Z
 
     Z[H G](z) = -z^d / (K + B w),    z = exp(2 pi j f T),    w = (1 - 1/z) / T.
 
-Limit: the delay is d whole periods, the velocity a plain difference.
+Limit: the delay is d whole periods, and the velocity a backward difference.
 """
 
 from typing import NamedTuple, Protocol
@@ -52,7 +52,7 @@ class Inverted(NamedTuple):
     model: complex
 
     def ratio(self, stiffness: float, damping: float) -> complex:
-        """Return measured plant over model for the wall that was there."""
+        """Return measured plant over model for the wall of the row."""
         return self.model / (stiffness + damping * self.velocity)
 
     def excess_damping(self, stiffness: float, damping: float) -> float:
@@ -62,7 +62,7 @@ class Inverted(NamedTuple):
 
 
 def inverted(row: Row, model: ModalModel, period: float) -> Inverted:
-    """Return the plant that a row measures, beside the model's."""
+    """Return the plant that a row measures, with the model's."""
     rate = 2.0 * np.pi * row.frequency
     z = complex(np.exp(1j * rate * period))
     delayed = z ** round(row.delay / period)

@@ -28,7 +28,7 @@ from zwidth.sim.physics.own import OWN
 from zwidth.sim.run import BLOCK_TICKS, Outcome, Run, Setup
 from zwidth.sim.trace import Trace
 
-# Attachments. The first three, saved as files in one folder, are a scenario that runs again.
+# Attachments. The first three, saved as files in one folder, are a scenario that can be run.
 SCENARIO, DEVICE, COMMANDS = "scenario.toml", "device.toml", "commands.npy"
 COMPUTED = "computed.npz"
 
@@ -64,9 +64,9 @@ def logged_run(
     """Run a scenario and write its log to `path` while it runs.
 
     metadata: further facts from the caller (a "verdict"); they replace those found here.
-    perception: thresholds from which dither is felt.
-    epoch_ns: log time of t = 0 [ns since 1970], by default now. on_block is told the number of
-    ticks after every block. Substeps go into the log only, Run.fine is None.
+    perception: thresholds from which dither is felt. epoch_ns: log time of t = 0 [ns since 1970],
+    by default now. on_block is called with the number of ticks after every block. Substeps go into
+    the log only, Run.fine is None.
 
     Until the run is done the log is called NAME.partial.mcap, and keeps that name if the run is
     interrupted or killed: every finished block of 1000 ticks can be read and replayed from it.
@@ -112,7 +112,7 @@ def logged_run(
 
 
 def run_blocks(scenario: Scenario, setup: Setup) -> Iterator[Block]:
-    """Run block by block, each with the disturbances beside what the engine records."""
+    """Run block by block; yield each with the engine's records and the disturbances."""
     units, first = channel_units(scenario, setup), 0
     for tick, fine, outcome in setup.blocks(BLOCK_TICKS):
         forces = {

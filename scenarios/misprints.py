@@ -1,21 +1,21 @@
 """Rows of critical oscillations that no smooth plant explains, and the B that they imply.
 
-A row gives c = ln(measured plant / model) (`scenarios/inversion.py`). A smooth plant leaves c
-smooth in f: before the jump of f a line through the other rows of the same delay, after it a
-constant over the other rows within a tenth of its frequency (too few for a line). Theil and Sen's
-medians take these, so that up to three misprints in ten do not bend them. With c known so, the
-row's wall should be W, and of all K + B' w the nearest to it has
+A row gives c = ln(measured plant / model) (`scenarios/inversion.py`). For a smooth plant c is
+smooth in f: before the jump of f it is estimated by a line through the other rows of the same
+delay, after it by a constant over the other rows within a tenth of its frequency (too few for a
+line), both by Theil and Sen's medians, which up to three misprints in ten do not affect. With this
+c, the row's wall should be W, and of all K + B' w the nearest to it has
 
     B' = Re[(W - K) conj(w)] / |w|^2,    departure t = (B' - B) |w| / |W|,
 
-t the share of the whole wall by which B would have to be something else. What a row departs from
-its neighbours in size and phase, e = (K + B w) / W - 1, has two components; the spread s of either
-is taken from all rows before the jump, or all after it, by the median of |e| (1.1774 s, were it
-normal). A row with |t| > 3.5 s (Iglewicz and Hoaglin's limit for scores by a median), of which B'
-leaves a rest below that, is a misprint of B: a misprinted K or f would keep a rest.
+where t is the necessary change of B as a share of the whole wall. The deviation of a row from its
+neighbours in size and phase, e = (K + B w) / W - 1, has two components; the spread s of each is
+estimated from all rows before the jump, or all after it, by the median of |e| (1.1774 s for a
+normal distribution). A row with |t| > 3.5 s (Iglewicz and Hoaglin's limit for scores by a median),
+whose remainder with B' is below that, is a misprint of B: a wrong K or f would leave a remainder.
 
-Limits: needs four rows of a delay before the jump; after it, six rows spread so widely that only a
-B wrong by about half would show.
+Limits: needs four rows of a delay before the jump; after it, the six rows scatter so widely that
+only a B wrong by about half would show.
 """
 
 from collections.abc import Sequence
@@ -29,17 +29,17 @@ from zwidth.sim.modal import ModalModel
 
 Floats = NDArray[np.float64]
 JUMPED_HZ = 100.0  # a row above it lies after the jump of f
-NEARBY = 0.1  # of its frequency: neighbours after the jump
+NEARBY = 0.1  # of a row's frequency: range of its neighbours after the jump
 OUTLYING = 3.5
-MEDIAN_SIZE = 1.1774  # sqrt(2 ln 2): of a normal plane vector, over its spread
+MEDIAN_SIZE = 1.1774  # sqrt(2 ln 2): median length of a normal vector in a plane, over its spread
 STEP = 0.01  # the grid on which the paper chose its dampings below B_t
 
 
 class Judged(NamedTuple):
     """A row among its neighbours.
 
-    damping: B' that they imply, with its spread; score: t over the spread s of all; rest: what B'
-    leaves unexplained, over s too.
+    damping: B' that they imply, with its spread; score: t over the spread s of all; rest: the
+    remainder with B', over s too.
     """
 
     damping: float
@@ -49,7 +49,7 @@ class Judged(NamedTuple):
 
     @property
     def misprint(self) -> bool:
-        """Whether another B, and nothing else, would put the row among its neighbours."""
+        """Whether a change of B alone would make the row agree with its neighbours."""
         return abs(self.score) > OUTLYING and self.rest < OUTLYING
 
     @property
@@ -71,7 +71,7 @@ def judged(rows: Sequence[Row], model: ModalModel, period: float) -> tuple[Judge
     w = np.array([p.velocity for p in points])
     stiffness, damping = np.array([(row.stiffness, row.damping) for row in rows]).T
     implied = np.real((walls - stiffness) * np.conj(w)) / np.abs(w) ** 2
-    scale = np.abs(walls / w)  # of a damping that would be the whole wall
+    scale = np.abs(walls / w)  # damping that would be the whole wall
     departure = (implied - damping) / scale
     rest = np.abs(stiffness + implied * w - walls) / np.abs(walls)
     error = np.abs((stiffness + damping * w) / walls - 1.0)

@@ -26,9 +26,9 @@ class ReplayError(ValueError):
 class ReplayResult(Shown):
     """Whether a log and its replay are equal bit for bit.
 
-    ticks: how many the log holds, all of which were compared up to the first difference (None
-    where they are identical). notes: a sentence for each limit of the comparison (a log cut short,
-    another source of the user's controller, another version). trace: the logged trace.
+    ticks: number in the log, all of which were compared up to the first difference (None if they
+    are identical). notes: a sentence for each limit of the comparison (a log cut short, another
+    source of the user's controller, another version). trace: the logged trace.
     """
 
     identical: bool
@@ -45,11 +45,11 @@ def replay(
 ) -> ReplayResult:
     """Rebuild a run from its log alone, simulate it again, compare every channel bit for bit.
 
-    controller: the user's own control law, where the run had one. progress: called with the share
+    controller: the user's own control law, if the run had one. progress: called with the share
     done, first when the log is read. A log that ends early is compared as far as it goes. NaN
     equals NaN, whatever its payload.
 
-    Raises LogError for a file that is no log, ScenarioError, NotTheSame or ReplayError for one
+    Raises LogError for a file that is not a log, ScenarioError, NotTheSame or ReplayError for a log
     whose run cannot be rebuilt: a recording, attachments missing or changed, a controller not
     supplied.
     """

@@ -24,8 +24,8 @@ from zwidth.sim.windows import (
 )
 
 Floats = NDArray[np.float64]
-DRIVEN = "recorded"  # its command does not come to rest with the device
-WALLS = ("wall", "texture", "region", "guarded", "none")  # controllers that a wall's fate is of
+DRIVEN = "recorded"  # a controller whose command does not come to rest with the device
+WALLS = ("wall", "texture", "region", "guarded", "none")  # controllers of runs that have a fate
 WINDOW_S = 0.5
 FEWEST_WINDOWS = 8
 FEWEST_TICKS = 16

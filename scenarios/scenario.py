@@ -18,19 +18,19 @@ from zwidth.sim.run import Setup, Start, duration_ticks, prepare
 Floats = NDArray[np.float64]
 Energy = Literal["none", "stored", "ledger"]
 
-LARGEST_SEED = 2**53  # whole numbers up to here survive every reader of TOML and JSON
-SUBSTEPS = 10  # per tick, where one is not exact
+LARGEST_SEED = 2**53  # integers up to here are exact in every reader of TOML and JSON
+SUBSTEPS = 10  # per tick, if one is not exact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario(Shown):
     """A device under a controller, from a start, under disturbances, for `duration` seconds.
 
-    seed: of every random number in the run. substeps per tick: with 0, one where that is exact, ten
-    where the device has friction or smooth nonlinear forces, and more where friction acts on a very
-    fast mode; the field then holds the number that is used. energy: record no energy, the stored
-    energy, or the whole ledger. fine: record the states after every substep. bound: the run stops
-    when |position of m1| exceeds it [rad | m].
+    seed: of every random number in the run. substeps per tick: with 0, one if that is exact, ten if
+    the device has friction or smooth nonlinear forces, and more if friction acts on a very fast
+    mode; the field is then the number used. energy: record no energy, the stored energy, or the
+    whole ledger. fine: record the states after every substep. bound: the run stops when |position
+    of m1| exceeds it [rad | m].
 
     Raises ValueError with one sentence: the field, its value, what is allowed.
     """
@@ -95,7 +95,7 @@ class Scenario(Shown):
     def forces(self) -> Floats | None:
         """Return the disturbances' sum, shape (ticks, masses) [N m | N]; None without any.
 
-        Where the base moves, (ticks, masses + 1), its acceleration after the forces.
+        If the base moves, (ticks, masses + 1), with its acceleration after the forces.
         """
         if not self.disturbances:
             return None
@@ -124,7 +124,7 @@ class Scenario(Shown):
 
     @property
     def free_from(self) -> float:
-        """Time [s] from which no disturbance changes any more; inf where one does to the end."""
+        """Time [s] from which no disturbance changes any more; inf if one changes until the end."""
         return max(
             (d.from_s if d.kind == "constant" and d.to_s >= self.duration else d.to_s)
             for d in (*self.disturbances, Disturbance("constant", 0.0))
@@ -137,7 +137,7 @@ def one_is_exact(device: Device) -> bool:
 
 
 def usual_substeps(device: Device, usual: int = SUBSTEPS) -> int:
-    """Return the substeps a tick of a run: one where that is exact, else as usual or as needed."""
+    """Return the substeps per tick of a run: one if that is exact, else as usual or as needed."""
     return 1 if one_is_exact(device) else enough_substeps(device, usual)
 
 

@@ -45,15 +45,15 @@ TOP_KEYS = (
 
 
 class ScenarioError(ValueError):
-    """A scenario file that cannot be; the message is one sentence."""
+    """An invalid scenario file; the message is one sentence."""
 
 
 def load_scenario(path: str | os.PathLike[str], step: Step | None = None) -> Scenario:
     """Return the scenario of a TOML file. step: the user's own control law, for kind = "user".
 
-    Files it names are sought beside it. Raises ScenarioError with one sentence: no such file, not
-    TOML (with the line), an unknown key or kind (with the nearest known one), a wrong type, a
-    value that is not allowed.
+    Files that it names are searched for beside it. Raises ScenarioError with one sentence: no such
+    file, not TOML (with the line), an unknown key or kind (with the nearest known one), a wrong
+    type, a value that is not allowed.
     """
     path = Path(path)
     return scenario_from_text(
@@ -64,10 +64,10 @@ def load_scenario(path: str | os.PathLike[str], step: Step | None = None) -> Sce
 def scenario_from_text(
     text: str, where: str = "scenario", *, files: Files | None = None, step: Step | None = None
 ) -> Scenario:
-    """Return the scenario of a text; `where` begins every complaint; see `load_scenario`.
+    """Return the scenario of a text; `where` begins every error message; see `load_scenario`.
 
-    files: returns the bytes of a file that the scenario names, raising ValueError if there is
-    none; by default it is sought in the working folder.
+    files: returns the bytes of a file that the scenario names, and raises ValueError if there is
+    none; by default it reads from the working folder.
     """
     try:
         values = tomllib.loads(text)
@@ -84,10 +84,10 @@ def scenario_from_text(
 def scenario_to_text(
     scenario: Scenario, *, device: str | None = None, array: str | None = None
 ) -> str:
-    """Return the scenario file: every key, numbers that read back exactly.
+    """Return the scenario file: all keys, with numbers that read back exactly.
 
-    device: name of a device file to refer to, in place of the device's text. array: name of an
-    .npy file to refer to for a recorded command, in place of its numbers.
+    device: name of a device file, written in place of the device's text. array: name of an .npy
+    file, written in place of the numbers of a recorded command.
     """
     head: dict[str, object] = {
         "schema": SCHEMA,

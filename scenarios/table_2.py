@@ -16,7 +16,7 @@ class MeasuredPoint(NamedTuple):
     """A row of Table II as printed, in SI.
 
     delay [s], damping B [N m s/rad], stiffness K_CR [N m/rad], ultimate frequency [Hz]. judged: the
-    row among its neighbours, where it has been compared with them.
+    row among its neighbours, if it was compared with them.
     """
 
     delay: float

@@ -1,1 +1,1 @@
-"""The engine: a device under a sampled controller, tick by tick; imports nothing of ours."""
+"""The engine: a device under a sampled controller, tick by tick; imports no higher package."""

@@ -17,7 +17,7 @@ BOOK: ContextVar[Book | None] = ContextVar("book", default=None)
 
 @contextmanager
 def counted(members: int, ticks: int) -> Generator[None]:
-    """Count a call of the kernel for so many members over so many ticks."""
+    """Count a call of the kernel for a number of members over a number of ticks."""
     book = BOOK.get()
     if book is None:
         yield

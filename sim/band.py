@@ -35,12 +35,12 @@ class OutputBand(Valued):
 
 @dataclass(frozen=True)
 class Band(Valued):
-    """What a diagnosis measured of its device, with which `zwidth check` compares later runs.
+    """Errors that a diagnosis measured, with which `zwidth check` compares later runs.
 
-    window [s]: length of a free run; windows: how many there were; ratio: of the observer in whose
-    state each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that
-    were corrected in the recordings, which need not be reported for later ones. simulator: what ran
-    the model whose errors these are, with its version ("MuJoCo 4.0.0"); "" for the device itself.
+    window [s]: length of a free run; windows: their number; ratio: of the observer in whose state
+    each starts (`diagnosis.noise.predictor.Observer`). corrected: kinds of the faults that were
+    corrected in the recordings, which need not be reported for later ones. simulator: the simulator
+    whose errors these are, with its version ("MuJoCo 4.0.0"); "" for the device itself.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """

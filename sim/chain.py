@@ -43,7 +43,7 @@ class Chains(NamedTuple):
 
 
 class Matrices(NamedTuple):
-    """M q'' + C q' + K q = f, each (n, n), or (..., n, n) of many."""
+    """M q'' + C q' + K q = f, each (n, n), or (..., n, n) for many."""
 
     mass: Floats
     damping: Floats
@@ -59,8 +59,8 @@ def make_chain(
 ) -> Chain:
     """Build a chain; raises ValueError with a sentence: field, value and what is allowed.
 
-    Dampers may be negative (a fitted model may ask for it; see `negative_dampers`), masses and
-    springs may not.
+    Dampers may be negative (as in some fitted models; see `negative_dampers`), masses and springs
+    may not.
     """
     chain = Chain(
         np.array(masses, dtype=np.float64),

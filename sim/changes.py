@@ -1,8 +1,8 @@
 """Known differences of a device in one run: a payload, another spring, a lower limit.
 
 A recording states what was different about its device, with the keys of a device file (`[device]`
-of the recording TOML). The difference from the device's file is known, and is applied to whatever a
-fit makes of the device: a payload of 0.493 kg adds 0.493 kg to a fitted mass,
+of the recording TOML). The difference from the device's file is known, and is added to the values
+of any fit: a payload of 0.493 kg adds 0.493 kg to a fitted mass,
 
     m = m_fitted + (m_run - m_file),
 
@@ -10,8 +10,8 @@ Masses, springs, dampers, delay and numbers of physics are added in this way; a 
 device's own. For an effect that is not in the file because it is still to be found, a run may state
 how much more of it there was: `more = { level = 0.93 }` for a payload that adds this weight times
 lever, a known force that determines the scale of all others; or `times = { level = 2.18 }` if only
-the ratio is known. None of this is fitted. A fit may try values at which a mass less its payload
-would be negative: at least the share `LEAST` of the stated mass or spring remains.
+the ratio is known. None of this is fitted. A fit may try values at which a mass would be negative
+without its payload: at least the share `LEAST` of the stated mass or spring remains.
 """
 
 import math
@@ -36,18 +36,18 @@ POSITIVE = ("masses", "ground_spring", "link_springs")
 LIMITS = ("delay_s", "command_limit", "command_gain")
 KEYS = (*ARRAYS, "ground_spring", *LIMITS, "physics")
 LEAST = 0.01
-SOUGHT = {"times", "more"}  # how a run says what is different of an effect that is to be found
+SOUGHT = {"times", "more"}  # keys for differences of an effect that is still to be found
 
 
 @dataclass(frozen=True)
 class Changes(Valued):
     """What a run adds to a device.
 
-    chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
-    at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
-    multiplies the device's; whoever uses the command applies it. physics: values to be added, by
-    effect@place; factors: multipliers, for numbers that belong to the drive (`Effect.of_drive`) or
-    that a run gives as a ratio.
+    chain: the difference, field by field. least: least remaining values of the chain's fields in
+    `POSITIVE`. delay [s] is added, command_limit replaces the device's, None: unchanged.
+    command_gain: multiplies the device's; the user of the command applies it. physics: values to be
+    added, by effect@place; factors: multipliers, for numbers that belong to the drive
+    (`Effect.of_drive`) or that a run gives as a ratio.
     """
 
     chain: Chain

@@ -1,4 +1,4 @@
-"""Whether kernels are being compiled right now, for whoever shows progress.
+"""Whether kernels are being compiled right now, for displays of progress.
 
 Progress may be shown before numba is loaded, so this does not load it: numba reports to a listener
 in `sim/jit.py`, which calls `tell`.

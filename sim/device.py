@@ -28,8 +28,8 @@ from zwidth.sim.posterior import Posterior
 from zwidth.sim.reading import Reading, reading
 from zwidth.sim.uncertainty import Uncertainty
 
-MASSES_IN_ALL = 10  # of the chain, of effects and of filtered readings: the kernel's room
-MASSLESS = 1e-15  # of m1, of what stands in the place of a mass and is a filtered reading
+MASSES_IN_ALL = 10  # of the chain, effects and filtered readings: the kernel's limit
+MASSLESS = 1e-15  # of m1: mass of a filtered reading, which takes the place of a mass
 
 
 class DeviceError(ValueError):
@@ -40,11 +40,11 @@ class DeviceError(ValueError):
 class Device(Shown):
     """One degree of freedom of a haptic device.
 
-    rotary: N m and rad; else N and m. modal is kept where the device was given in modal form (then
-    chain is the same model as a chain). physics: effects that have no field in the interface or the
-    chain. uncertainty: how well these values are known; fits use it, simulations ignore it. band:
-    errors of its free runs when it was diagnosed; posterior: joint uncertainty of its parameters
-    from the diagnosis. Both are None for a device that was not diagnosed.
+    rotary: N m and rad; else N and m. modal is kept if the device was given in modal form (chain is
+    then the same model). physics: effects that have no field in the interface or the chain.
+    uncertainty: how well these values are known; fits use it, simulations ignore it. band: errors
+    of its free runs when it was diagnosed; posterior: joint uncertainty of its parameters from the
+    diagnosis. Both are None for a device that was not diagnosed.
 
     Raises DeviceError or ValueError with a sentence that names the field and what is allowed: for a
     place that the chain does not have, an effect twice at one place, an effect that has a field in
@@ -122,7 +122,7 @@ class Device(Shown):
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
-        """Return where each further mass and each filter of a reading is attached, as an index.
+        """Return to which index each further mass and each filter of a reading is attached.
 
         Indices count from 0: the masses of the chain (0 is m1), then the masses that effects add,
         then the filters. The result has the added masses first (`hung`), then the filters.
@@ -151,7 +151,7 @@ class Device(Shown):
         return tuple(found)
 
     def reading(self) -> Reading:
-        """Return the states from which its readings are taken."""
+        """Return the states that its sensors read."""
         n = self.chain.masses.size
         filters = filters_of([(p, p.values) for p in self.physics])
         return reading(n, n + len(self.hung()), filters)
@@ -206,9 +206,9 @@ class Device(Shown):
         return replace(self, physics=tuple(kept) if names else ())
 
     def bare(self) -> "Device":
-        """Return the device without effects, but for its linear drive and filters of readings.
+        """Return the device without effects, except its linear drive and filters of readings.
 
-        These are a drive whose command is a goal, and filters of readings.
+        A linear drive here is one whose command is a goal.
         """
         kept = tuple(p for p in self.physics if p.effect.sought == "given" or p.effect.follows)
         return self if len(kept) == len(self.physics) else replace(self, physics=kept)
@@ -236,8 +236,7 @@ class Device(Shown):
 def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) -> Plant:
     """Return the linear equations of a chain with effects, each with its values (`Device.plant`).
 
-    Also for many chains with values (...) if all have the same further masses, and all lag or none
-    does.
+    Also for many chains with values (...) if all have the same further masses, and all or none lag.
     """
     structure: Matrices = matrices(chain)
     lag: float | Floats = 0.0
@@ -259,7 +258,7 @@ def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) 
 
 
 def filters_of(effects: Iterable[tuple[Physics, Numbers]]) -> list[Place]:
-    """Return where readings are filtered, by effects with values that are not neutral."""
+    """Return the places where effects with values that are not neutral filter readings."""
     return [p.place for p, values in effects if p.effect.follows and p.effect.acts(values)]
 
 
@@ -278,7 +277,7 @@ def place_label(physics: Physics) -> str:
 
 
 def home(physics: Physics) -> str | None:
-    """Return the table of a device file that has this effect's quantity; None: [[physics]]."""
+    """Return the table of a device file with this effect's quantity; None for [[physics]]."""
     if physics.effect.in_interface is not None:
         return "[interface]"
     if physics.effect.in_chain is not None and physics.place == Place("mass", 0):
@@ -315,13 +314,13 @@ def known(effect: Effect, place: Place, device: Device, file: Device | None = No
 def has_room(effect: Effect, masses: int) -> bool:
     """Whether a device with this many masses, its effects' included, may have another effect.
 
-    With filtered readings this holds if each filter has a reading.
+    For filtered readings: if there is a reading for each filter.
     """
     return masses * (2 if effect.follows else 1) + effect.adds_mass <= MASSES_IN_ALL
 
 
 def warnings_of(device: Device) -> list[str]:
-    """Return the warnings about the device, a line each."""
+    """Return the warnings about the device, one per line."""
     negative = negative_dampers(device.chain)
     if not negative:
         return []

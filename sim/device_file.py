@@ -3,9 +3,9 @@
     schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [drive];
     [uncertainty]; [band] with [[band.output]]; [posterior]; [[physics]]
 
-Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
-m_kg, b_ns_per_m on a linear one. [drive] has the data sheet of motor and amplifier (`sim.drive`); a
-device stores the values that follow from it, and is written with these. [uncertainty] states how
+Keys contain their unit if it depends on the kind of device: m_kgm2, b_nms_per_rad for a rotary one,
+m_kg, b_ns_per_m for a linear one. [drive] has the data sheet of motor and amplifier (`sim.drive`);
+a device stores the values computed from it, and is written with these. [uncertainty] states how
 well the other values are known, as shares of them. [band] and [posterior] come from a diagnosis:
 the errors of the device's free runs, and the joint uncertainty of its parameters.
 """
@@ -84,7 +84,7 @@ INTERFACE_KEYS = {
 }
 NEUTRAL, USUAL = Interface(), Uncertainty()
 INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor", "velocity_estimator")
-# Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
+# Written only if not default: a device without them has the text, and the hash, of zwidth 0.1.
 WHERE_NEEDED = (
     "command_gain", "position_origin", "command_hold", "velocity_order", "velocity_ticks",
     "position_ticks", "force_sensor", "force_gain", "velocity_estimator", "velocity_window",
@@ -99,8 +99,8 @@ SIZES = {
     "link_springs": (1e-18, 1e15, "N m/rad | N/m"),
     "link_dampers": (0.0, 1e12, "N m s/rad | N s/m"),
 }
-"""Between which magnitudes the numbers of a device that can be simulated lie."""
-PERIODS, GAINS = (1e-7, 1e3), (1e-12, 1e12)  # s; 10 MHz is faster than any loop of force
+"""The range of each number of a device that can be simulated."""
+PERIODS, GAINS = (1e-7, 1e3), (1e-12, 1e12)  # s; 10 MHz is faster than any force loop
 
 
 def shipped_devices() -> list[str]:
@@ -109,9 +109,9 @@ def shipped_devices() -> list[str]:
 
 
 def remarks_on(device: Device) -> list[str]:
-    """Return the warnings that a command prints about a device, a line each (`warnings_of`).
+    """Return the warnings that a command prints about a device, one per line (`warnings_of`).
 
-    None about the mechanism of a shipped device, which `zwidth devices NAME` explains.
+    There are none about the mechanism of a shipped device, which `zwidth devices NAME` explains.
     """
     remarks = warnings_of(device)
     known = (load_device(name).chain for name in shipped_devices()) if remarks else ()
@@ -171,10 +171,10 @@ def _sized(device: Device, where: str) -> Device:
 
 
 def save_device(device: Device, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the device file with comments; folders are made. A failure leaves no partial file.
+    """Write the device file with comments; folders are created. A failure leaves no partial file.
 
     An existing file is replaced only if this function wrote it and it was not edited since, or with
-    overwrite. Otherwise raises Protected. Raises DeviceError where it cannot be written.
+    overwrite. Otherwise raises Protected. Raises DeviceError if it cannot be written.
     """
     try:
         with writing_as("save_device", overwrite):
@@ -191,7 +191,7 @@ def model_hash(device: Device) -> str:
 def device_to_text(device: Device) -> str:
     """Return the device file, whose numbers read back exactly.
 
-    Every key of the interface, and those of the uncertainty that differ from the default.
+    It has every key of the interface, and those of the uncertainty that differ from the default.
     """
     head: dict[str, object] = {
         "schema": SCHEMA,
@@ -243,7 +243,7 @@ def device_to_text(device: Device) -> str:
 
 
 def commented_text(device: Device) -> str:
-    """Return the device file with a comment behind every key: its unit, and what it means."""
+    """Return the device file with a comment after every key: its unit and meaning."""
     comments = {(key.table, key.name): key.comment(device.rotary) for key in DEVICE_KEYS}
     head, *entries = device_to_text(device).split("[[physics]]\n")
     texts = [commented(head, comments)]
@@ -280,7 +280,7 @@ def _tables_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], st
 
 
 def template_text(masses: int) -> str:
-    """Return a device file of this many masses to start from: all keys explained, most off.
+    """Return a device file with this many masses to start from: all keys explained, most disabled.
 
     Raises ValueError for a number of masses that no chain has.
     """
@@ -462,7 +462,7 @@ def _posterior(table: Table) -> Posterior:
 
 
 def read_physics(table: Table) -> Physics:
-    """Return the effect that a [[physics]] of a device file gives; raises TableError."""
+    """Return the effect that a [[physics]] table of a device file describes; raises TableError."""
     name = table.text("effect")
     if name not in EFFECTS:
         raise TableError(f"{table.path}.effect is {name!r}; {unknown_effect(name)}")

@@ -46,9 +46,9 @@ DEVICE_KEYS: tuple[Key, ...] = (
         "N m s/rad"),
     Key("modal", "b_ns_per_m", "total damping", "N s/m"),
     Key("modal.mode", "omega_rad_s", "resonance", "rad/s"),
-    Key("modal.mode", "c_rad_s", "its damping, twice the ratio times the frequency", "rad/s"),
+    Key("modal.mode", "c_rad_s", "its damping: twice damping ratio times frequency", "rad/s"),
     Key("modal.mode", "v_rad_s", "antiresonance", "rad/s"),
-    Key("modal.mode", "d_rad_s", "its damping, twice the ratio times the frequency", "rad/s"),
+    Key("modal.mode", "d_rad_s", "its damping: twice damping ratio times frequency", "rad/s"),
     _interface("period_s", "period", "sampling period", "s", example="0.001"),
     _interface("delay_s", "delay", "from a reading to the effect of its command; any value", "s"),
     _interface("encoder_step", "encoder_step", "resolution of the position; 0: none", *_LENGTH),
@@ -64,7 +64,7 @@ DEVICE_KEYS: tuple[Key, ...] = (
                'a recorded command between samples: held, or "smooth" if it is band-limited'),
     _interface("velocity_order", "velocity_order", "order of that low-pass, 1 or 2 (Butterworth)"),
     _interface("velocity_ticks", "velocity_ticks",
-               "samples from one estimate of the speed to the next, each over as many"),
+               "samples from one estimate of the speed to the next; each is over as many"),
     _interface("velocity_estimator", "velocity_estimator",
                f"how the speed is computed from the readings: {', '.join(ESTIMATORS)}"),
     _interface("velocity_window", "velocity_window",
@@ -123,24 +123,24 @@ DEVICE_KEYS: tuple[Key, ...] = (
         )
     ),
     Key("band", "window_s", "length of a free run", "s"),
-    Key("band", "windows", "how many free runs the diagnosis judged"),
-    Key("band", "observer_ratio", "process over measurement variance of the observer that starts"
-        " them"),
+    Key("band", "windows", "number of free runs that the diagnosis judged"),
+    Key("band", "observer_ratio", "ratio of process to measurement variance of the observer that"
+        " starts them"),
     Key("band", "corrected", "faults that were corrected in the recordings", default="[]"),
     Key("band", "simulator", "simulator that these errors belong to; empty: the device itself",
         default='""', example='"MuJoCo 4.0.0"'),
-    Key("band.output", "name", 'the output, as "position_m1"'),
-    Key("band.output", "error", "rms of the free runs, in the unit of the output, as all here"),
+    Key("band.output", "name", 'name of the output, such as "position_m1"'),
+    Key("band.output", "error", "rms error of free runs; all values here are in the output's unit"),
     Key("band.output", "noise", "rms error one step ahead"),
     Key("band.output", "motion", "rms motion in the windows"),
-    Key("band.output", "scatter", "deviation of the windows' mean squares over their mean"),
+    Key("band.output", "scatter", "standard deviation of windows' mean squares over their mean"),
     Key("posterior", "names", "numbers that a diagnosis fitted"),
     Key("posterior", "sd", "standard deviation of each, in its SI unit"),
-    Key("posterior", "correlation", "correlation of each with each; masses, springs, gain and limit"
-        " count by their logarithms"),
+    Key("posterior", "correlation", "correlation of each pair; for masses, springs, gain and limit"
+        " that of their logarithms"),
     Key("physics", "effect", "further physics: a name that 'zwidth effects' lists",
         example='"backlash"'),
     Key("physics", "at", "where: m1 to m5, link12 to link45, ground, command, clock, sensor",
         example='"link12"'),
 )  # fmt: skip
-"""The parameters of an effect stand in its [[physics]] as well (`Effect.parameters`)."""
+"""A [[physics]] table also has the parameters of its effect (`Effect.parameters`)."""

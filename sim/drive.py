@@ -1,7 +1,7 @@
 """A drive, described by its data sheet, in terms of what a device already contains.
 
 A winding of resistance R and inductance L, a motor constant k_t, a back-EMF k_e and a gear of ratio
-g between motor and m1, on the supply U:
+g between motor and m1, with the supply U:
 
     L di/dt = u - R i - g k_e w,    force at m1 = g k_t i,    |u| <= U,
 
@@ -9,24 +9,24 @@ with w the speed of m1. Once the current has settled, i = (u - g k_e w) / R, so 
 
     a gain g k_t / R,    a damper g^2 k_t k_e / R at m1,    a limit g k_t U / R of the force
 
-that the command asks for (the damper acts beyond it: the limit falls with speed), and a lag L / R.
-A current loop is the gain g k_t, a lag 1 / (2 pi f) of its bandwidth f and a limit g k_t I, without
-a damper; on a supply that is given, its force is within g k_t U / R - g^2 k_t k_e w / R besides, a
-limit that falls with speed (`falling_limit`). A duty is a voltage of duty times U.
+demanded by the command (the damper acts as well, so the limit falls with speed), and a lag L / R. A
+current loop is the gain g k_t, a lag 1 / (2 pi f) of its bandwidth f and a limit g k_t I, without a
+damper; if a supply is given, its force is also limited to g k_t U / R - g^2 k_t k_e w / R, which
+falls with speed (`falling_limit`). A duty is a voltage of duty times U.
 
 A servo closes a loop on the position of m1 over a voltage: u = k_p (goal - q) - k_d w, |u| <= U.
 Its command is the goal, in the unit of the position, and it is
 
     a stiffness g k_t k_p / R and a damping g k_t k_d / R within the limit g k_t U / R,
 
-with the damper of the back-EMF beyond it, which is the servo's here (`position_servo`). An integral
-gain k_i adds k_i times the integral of the error to u, within some voltage (`servo_integral`), and
-the goal may be followed at some speed at most (`goal_rate_limit`). A position drive is the same
-with stiffness, damping and limit given as forces: a current loop's, or a spring whose other end is
-moved.
+and the damper of the back-EMF beyond this limit, which is part of the effect here
+(`position_servo`). An integral gain k_i adds k_i times the integral of the error to u, limited to
+some voltage (`servo_integral`), and the speed at which the goal is followed may be limited
+(`goal_rate_limit`). A position drive is the same with stiffness, damping and limit given as forces:
+of a current loop, or of a spring whose other end is moved.
 
-Limits: the lag is put on the command alone; with L the back-EMF lags as well, which changes the
-damper by w L / R at the frequency w.
+Limits: only the command lags; with L the back-EMF lags as well, which changes the damper by w L / R
+at the frequency w.
 
 A drive that is switched off, according to a recording, gives no force. If its winding is shorted
 then, the back-EMF still brakes; if it is open, it does not (`open_winding`).
@@ -78,7 +78,7 @@ class Drive:
     inductance_h L, supply_v U, bandwidth_hz f of a current loop, limit_a I of its current. Of a
     servo's loop proportional k_p [V/rad | V/m], derivative k_d [V s/rad | V s/m], integral k_i
     [V/(rad s) | V/(m s)] within integral_limit_v [V], and goal_rate [rad/s | m/s], the speed at
-    which the goal is followed at most. when_off: what the winding is while the drive is off. Of a
+    which the goal is followed at most. when_off: state of the winding while the drive is off. Of a
     position drive: stiffness (force per position), damping (force per speed), limit (a force).
 
     Raises ValueError for a number that is not allowed.
@@ -160,7 +160,7 @@ class Drive:
 
     @property
     def loop(self) -> tuple[Physics, ...]:
-        """The loop on the position of m1, of the kinds that have one."""
+        """The loop on the position of m1, for kinds that have one."""
         if self.kind not in ("servo", "position"):
             return ()
         inside = (
@@ -198,7 +198,7 @@ class Drive:
         return self.inductance_h / self.resistance_ohm
 
     def on(self, device: Device) -> Device:
-        """Return a device with this drive; a lower limit of the device itself is kept."""
+        """Return a device with this drive; a lower command limit of the device itself is kept."""
         driven = device.with_interface(command_gain=device.interface.command_gain * self.gain)
         if self.loop:
             return driven.with_physics(*self.loop, *self.when_switched)

@@ -1,7 +1,7 @@
-"""Many runs of devices under walls, prolonged as long as their verdicts need.
+"""Many runs of devices under walls, prolonged until their verdicts are clear.
 
-Runs go `WIDTH` at a time through the lanes of the kernel (`sim/windows.py`), whatever physics the
-devices have; each gives what it would give alone. Groups are independent tasks without shared
+Runs are computed `WIDTH` at a time in the lanes of the kernel (`sim/windows.py`), whatever physics
+the devices have; each has the same result as alone. Groups are independent tasks without shared
 state, so the result does not depend on the number of threads.
 """
 
@@ -21,7 +21,7 @@ from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
-PIECES = 4  # tasks a thread, of runs of one device: none waits long for the others
+PIECES = 4  # tasks per thread for the runs of one device, so that no thread waits long
 ROWS = (
     "x",
     "line",
@@ -83,7 +83,7 @@ def walls(
 class Runs:
     """An ensemble with its present state.
 
-    members: the devices. device (runs,): which of them each run has. bank: states whose last axis
+    members: the devices. device (runs,): index of each run's device. bank: states whose last axis
     counts the runs.
     """
 
@@ -97,14 +97,14 @@ class Runs:
         return self.device.size
 
     def select(self, runs: NDArray[np.int64]) -> "Runs":
-        """Return some of the runs, in the state they are in."""
+        """Return some of the runs, in their present state."""
         some = {name: getattr(self.bank, name)[..., runs] for name in ROWS}
         return replace(self, device=self.device[runs], bank=self.bank._replace(**some))
 
     def tasks(
         self, weights: Floats, windows: int, keep: bool = False, workers: int = 1
     ) -> "tuple[Floats, Floats, list[Task], Runs]":
-        """Return (measures, velocities, tasks for so many workers that fill them, the state after).
+        """Return (measures, velocities, tasks for the workers that fill them, final state).
 
         measures (windows, 7, runs); velocities (runs, ticks) of m1 if they are to be kept, NaN
         after a run has escaped, else (runs, 0).
@@ -174,10 +174,10 @@ def start_runs(
     starts: Sequence[Start],
     bounds: Floats | float = np.inf,
 ) -> Runs:
-    """Return the runs at t = 0, one start a run (or one for all).
+    """Return the runs at t = 0, with one start per run (or one for all).
 
     devices: of one structure (`sim.group.member`); device (runs,): the index of each run's device,
-    (1,) for one that all have. bounds (runs,) or one: a run has escaped when |position of m1|
+    (1,) for the same in all. bounds (runs,) or one for all: a run has escaped when |position of m1|
     exceeds it. Raises ValueError for devices of several structures.
     """
     count = ensemble.stiffness.size
@@ -221,7 +221,7 @@ def advance_runs(
 ) -> tuple[Floats, Runs]:
     """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state).
 
-    run_all: runs the tasks, in any order or side by side, such as on the caller's threads.
+    run_all: runs the tasks, in any order or in parallel, such as on the caller's threads.
     """
     measures, _, tasks, after = runs.tasks(weights, windows, workers=workers)
     run_all(tasks)

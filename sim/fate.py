@@ -1,4 +1,4 @@
-"""How a run at a wall ends: the only place that decides this.
+"""How a run at a wall ends; only this module decides it.
 
 rests     comes to rest, or decays towards it
 dithers   oscillates on, kept up by the steps of encoder or command alone, and too weakly to be felt
@@ -7,24 +7,24 @@ grows     grows, without bound or until the amplifier's limit holds it, or settl
           that steps alone cannot keep up (that of play, of friction, of the limit)
 undecided none of these yet when the time is up
 
-A wall is stable unless it grows. An upper bound on the amplitude divides dither from growth. A step
-of the encoder or of the command is an error e of at most half a step, |e| <= D/2, added to what is
-read. On a loop that is stable without it, such an error can keep an oscillation up but not let it
-grow. How large that may be, in first harmonics (describing function):
+A wall is stable unless it grows. An upper bound on the amplitude separates dither from growth. A
+step of the encoder or of the command is an error e of at most half a step, |e| <= D/2, added to the
+reading. In a loop that is stable without it, such an error can sustain an oscillation but not let
+it grow. Its largest amplitude, in first harmonics (describing function), is
 
     y = -T_c e,  T_c = L / (1 + L),   |e|_1 <= (4/pi) D/2,   so   A <= (2/pi) D max_w |T_c(w)|
 
 the last because no signal within +-D/2 has a larger first harmonic than the square wave, whatever
-its phase. The usual gain N(A) of a quantiser (`stability/describing.py`) comes to 1 faster, as
-(D/A)^1.5; but it takes samples at all phases of the cycle, and a cycle of a whole number of ticks
-meets the same few again and again. So the bound is of the worst case, |N - 1| <= (2/pi) D/A. With
-S = 1 / (1 + L) = det(z - open) / det(z - closed) it is 1 - S at the angles of the poles.
+its phase. The usual gain N(A) of a quantiser (`stability/describing.py`) approaches 1 faster, as
+(D/A)^1.5; but it assumes samples at all phases of the cycle, and a cycle of a whole number of ticks
+has only a few phases. So the bound is for the worst case, |N - 1| <= (2/pi) D/A. With S = 1 / (1 +
+L) = det(z - open) / det(z - closed) it is 1 - S at the angles of the poles.
 
-Beside it `FEW` steps are dither on any wall: there |N - 1| <= 0.02, the quantiser is a gain of one
-within 2 % and a delay within 0.02 rad, and an oscillation beyond has another cause. This covers
-well damped walls, whose higher harmonics the first one leaves out, and walls that friction
-holds beyond the linear boundary. A velocity in steps counts likewise, by the amplitude of the
-speed, 2 pi f A, and by `FEW` of its steps alone.
+In addition, up to `FEW` steps are dither on any wall: there |N - 1| <= 0.02, the quantiser is a
+gain of one within 2 % and a delay within 0.02 rad, and a larger oscillation has another cause. This
+covers well damped walls, whose higher harmonics the first harmonic neglects, and walls that
+friction stabilises beyond the linear boundary. For a velocity in steps, the amplitude of the speed,
+2 pi f A, is compared with `FEW` of its steps alone.
 
 Because of steps, an oscillation may be irregular: it has no constant amplitude, and no lasting
 trend. At the end of the longest run it counts as lasting, even if it seems to grow, as long as it
@@ -32,9 +32,9 @@ is below the start or a few steps. For steps of command and velocity this requir
 loop is not known to be unstable; if it is, an apparent rise is undecided. A remaining decrease is
 undecided, too: the run rests or dithers.
 
-Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
-the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
-estimator of velocity that is not linear, `FEW` alone counts. Gelb & Vander Velde, Multiple-Input
+Limits: half the range of m1's position is compared, even if the encoder is on another mass; the
+linear loop contains no friction, play or other physics; for a loop of several rates, or with an
+estimator of velocity that is not linear, only `FEW` counts. Gelb & Vander Velde, Multiple-Input
 Describing Functions, 1968, has the gains.
 """
 
@@ -54,12 +54,12 @@ from zwidth.sim.perception import Perception
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-WITHIN = 0.02  # of one: the quantiser's gain from FEW steps on
+WITHIN = 0.02  # distance from 1 of the quantiser's gain, from FEW steps on
 FEW = 2.0 / (math.pi * WITHIN)  # steps, 32
-LARGEST = 1e6  # steps: no bound is asked for beyond
-DRIFTS = 5.0  # steps up to which a trend is none
+LARGEST = 1e6  # steps: larger amplitudes need no bound
+DRIFTS = 5.0  # steps up to which a trend does not count
 RISES = 2.0  # standard errors of a growth rate from which an unstable loop may be growing
-AT_THE_LIMIT, MOST_OF_IT = 0.999, 0.9  # of the command's limit: its peak, half its range
+AT_THE_LIMIT, MOST_OF_IT = 0.999, 0.9  # shares of the command's limit: peak, half range
 REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
 
@@ -79,7 +79,7 @@ class Fate(enum.IntEnum):
 
 
 class Dither(NamedTuple):
-    """What steps keep up at walls (n,).
+    """Oscillations that steps sustain at walls (n,).
 
     steps: amplitude, in steps, up to which an oscillation is the quantiser's own; holds, grows:
     whether the loop without steps is known to be stable, or unstable.
@@ -96,11 +96,11 @@ class Dither(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What of walls and devices decides the fates of runs (runs,).
+    """The properties of walls and devices that decide the fates of runs (runs,).
 
     devices, which: those of the runs; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m]: of
-    their walls; start: amplitudes at t = 0; rest: amplitudes up to which an oscillation is none;
-    dither: what steps keep up there, None for `dither_of`.
+    their walls; start: amplitudes at t = 0; rest: amplitudes up to which an oscillation counts as
+    rest; dither: what steps sustain there, None for `dither_of`.
     """
 
     devices: Sequence[Device]
@@ -150,7 +150,7 @@ def fates_of(
     command_step = conditions.of_interface("command_step")
     velocity_step = np.where(
         conditions.damping == 0.0, 0.0, conditions.of_interface("velocity_step")
-    )  # an undamped wall takes no velocity
+    )  # an undamped wall does not use the velocity
     limit = conditions.of_interface("command_limit")
     swing = (0.5 if conditions.one_sided else 1.0) * limit
     stepped = (encoder_step > 0.0) | (command_step > 0.0) | (velocity_step > 0.0)
@@ -194,7 +194,7 @@ def _small(
 
 
 def dither_of(device: Device, stiffness: Floats, damping: Floats) -> Dither:
-    """Return what steps keep up; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m], each (n,).
+    """Return what steps sustain; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m], each (n,).
 
     0 steps for a device without any, `FEW` if the loop is not stable without them.
     """
@@ -225,7 +225,7 @@ def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float
 
 
 def held_growth(growth: Growth, limit: Floats, swing: Floats, limit_s: float) -> Flags:
-    """Whether the command swings to its limit at the end: growth that the limit holds.
+    """Whether the command reaches its limit at the end: growth that the limit stops.
 
     swing: half the range of such a command. With an encoder's steps it may reach the limit on one
     side and miss it by a step on the other. Such a cycle may seem to decrease a little while it
@@ -241,7 +241,7 @@ def drifts(
     growth: Growth, start: Floats | float, encoder_step: Floats | float,
     command_step: Floats | float = 0.0, velocity_step: Floats | float = 0.0,
 ) -> Flags:  # fmt: skip
-    """Whether what seems to grow is below the start or a few steps: irregular, without a trend."""
+    """Whether an apparent growth is below the start or a few steps: irregular, without a trend."""
     with np.errstate(invalid="ignore"):
         low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * np.asarray(encoder_step))
         low |= growth.force < DRIFTS * np.asarray(command_step)
@@ -255,6 +255,6 @@ def _speed(growth: Growth) -> Floats:
 
 
 def settles(rate: Floats, limit_s: float) -> Flags:
-    """Whether what grows has settled on an oscillation: no trend at the end of the longest run."""
+    """Whether a growing run has become an oscillation: no trend at the end of the longest run."""
     with np.errstate(invalid="ignore"):
         return np.abs(rate) * limit_s < 1.0

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Number = float | NDArray[np.float64]
-FASTEST = 1e-7  # s, below which a filter is as if it were not there
+FASTEST = 1e-7  # s, below which a filter has no effect
 
 
 class Following(NamedTuple):
-    """Rates [1/s], [1/s^2], [1/s] of the equations above; straight is 0 or 1. Of many, (...)."""
+    """Rates [1/s], [1/s^2], [1/s] of the equations above; straight is 0 or 1. For many, (...)."""
 
     rate: Number
     straight: float

@@ -1,8 +1,8 @@
 """A force sensor in a link of the chain, and its force as a function of the state.
 
-The sensor measures the force with which the device presses the masses beyond it, that of the link's
+The sensor measures the force with which the device pushes the masses beyond it, that of the link's
 spring and damper, F = k (q_i - q_{i+1}) + c (v_i - v_{i+1}), at the moment of the encoder's reading
-and without an error. The interface feeds it back: of a law's command w it makes
+and without an error. The interface feeds it back: with a law's command w it sends
 
     u = w + G (w - F),
 
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 def force_row(chain: Chain, interface: Interface, dof: int) -> Floats:
-    """Return the row on [q, v] whose value is the measured force, (2 dof,); (0,) without a sensor.
+    """Return the row that gives the measured force from [q, v], (2 dof,); (0,) without a sensor.
 
     dof: number of moving masses, including those of effects. Raises ValueError if the chain has no
     such link.

@@ -1,27 +1,27 @@
 """Does a run decay, cycle or grow? The sign of the growth rate of a run's oscillation energy.
 
-The energy of an oscillation that grows as exp(sigma t) grows as exp(2 sigma t). Over a window with
-smooth weights (cos^4) its mean is free of the ripple at twice the oscillation's frequency down to
-1e-4 from four cycles a window on, so half the logarithm of the windows' energies is a line of slope
-sigma plus what faster decaying modes leave. The line is fitted by least squares after the first
-quarter of the run; its standard error is taken from the residuals, widened by their
-autocorrelation, so a transient that bends the line makes the run undecided, not wrong, and the run
-is prolonged.
+The energy of an oscillation that grows as exp(sigma t) grows as exp(2 sigma t). With smooth weights
+(cos^4) and at least four cycles per window, the mean over a window contains at most 1e-4 of the
+ripple at twice the oscillation's frequency. So half the logarithm of the windows' energies is a
+line of slope sigma, plus the remainder of modes that decay faster. The line is fitted by least
+squares after the first quarter of the run; its standard error is taken from the residuals, widened
+by their autocorrelation, so a transient that bends the line makes the run undecided, not wrong, and
+the run is prolonged.
 
 Two energies are watched, because a fast mode that has just begun to grow is invisible in the
 kinetic energy of a slow one: kinetic energy, and the third difference of m1's velocity, in which
-170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does. Where
-nothing fast is left, the second one is rounding, whose slope says nothing: it counts as decayed,
-and not as growing before it stands out of the rounding.
+170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does. If
+nothing fast is left, the second one is rounding, whose slope means nothing: it counts as decayed,
+and not as growing until it exceeds the rounding.
 
-Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
-slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
-cycle: its amplitude hardly changes over the last half, and any slope is not significant.
-(Slow growth hardly changes it either, but its slope is significant.)
+If something is nonlinear, growth or decay may end in a limit cycle, so a slope is the verdict only
+when no more time is left. Before that, a run must come to rest, escape, or cycle: its amplitude
+hardly changes over the last half, and its slope is not significant. (Slow growth hardly changes it
+either, but its slope is significant.)
 
 A window that is shorter than a cycle shows neither the energy nor the amplitude of the cycle. If
-limit cycles are possible, windows are joined until one contains a cycle. A run in which fewer than
-`FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests or escapes.
+limit cycles are possible, windows are joined until one contains a cycle. A run with fewer than
+`FEWEST_JOINED` of them is too slow to be judged in its time, unless it rests or escapes.
 
 Limit: two growing modes within one octave are seen as their sum.
 """
@@ -45,13 +45,13 @@ from zwidth.sim.windows import (
 
 Floats = NDArray[np.float64]
 SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
-SILENCE = 1e-24  # energy over the first window's at which a run has come to rest
-ROUNDED = 1e-14  # fast energy over its largest window's, below which it is rounding
+SILENCE = 1e-24  # energy over that of the first window, at which a run has come to rest
+ROUNDED = 1e-14  # fast energy over that of its largest window, below which it is rounding
 ESCAPE = 1e6  # amplitude over the start's at which a run counts as lost
 STEADY = 0.02  # change of amplitude over the last half of a run that a limit cycle may show
-FLAT = 1e-3  # growth in ln(amplitude) over that half that is none, however significant
-FEWEST_STEADY = 16  # windows from which on a limit cycle is believed while there is time left
-FEWEST_JOINED = 8  # windows of a whole cycle each, from which on a slope tells
+FLAT = 1e-3  # growth of ln(amplitude) over that half that does not count, however significant
+FEWEST_STEADY = 16  # least windows for a limit cycle while there is time left
+FEWEST_JOINED = 8  # least windows, of a whole cycle each, for a meaningful slope
 
 
 class Verdict(enum.Enum):
@@ -78,7 +78,7 @@ def window_weights(ticks: int) -> Floats:
 class Growth:
     """Growth of an ensemble's runs, one value per run (runs,).
 
-    verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided, the one that
+    verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided: the one that
     grows, else the one that decays more slowly. amplitude: half the range of m1's position in the
     last window; force: half the range of the command there, peak: its largest absolute value.
     frequency [Hz]: half the reversals of m1's velocity a second over the last half of the run.
@@ -132,7 +132,7 @@ def _joined(measures: Floats, window: float) -> NDArray[np.int64]:
     """How many windows, a power of two, hold a cycle of each run; 1 where nothing reverses."""
     half = measures[-(measures.shape[0] // 2) :, REVERSALS]
     with np.errstate(divide="ignore", invalid="ignore"):
-        windows = 2.0 / half.mean(axis=0)  # of a cycle: two reversals
+        windows = 2.0 / half.mean(axis=0)  # windows per cycle: two reversals
     windows = np.where(np.isfinite(windows), np.maximum(windows, 1.0), 1.0)
     return (2.0 ** np.ceil(np.log2(windows))).astype(np.int64)
 
@@ -156,7 +156,7 @@ def _assess(
 ) -> Growth:  # fmt: skip
     """Judge runs whose windows hold a cycle, or that are too slow for that."""
     windows, _, runs = measures.shape
-    with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
+    with np.errstate(all="ignore"):  # infinities and zeros are verdicts, see below
         amplitude = 0.5 * (measures[:, HIGHEST] - measures[:, LOWEST])
         slopes = [
             growth_rate(0.5 * np.log(measures[:, energy]), window)
@@ -168,7 +168,7 @@ def _assess(
     down = [(rate < -SIGNIFICANCE * error) for rate, error in slopes]
     with np.errstate(invalid="ignore"):
         rounding = measures[-1, FAST_ENERGY] <= ROUNDED * measures[:, FAST_ENERGY].max(axis=0)
-    # What rises within the rounding may be a mode: the answer comes when it is out, or at the end.
+    # What rises within the rounding may be a mode: decided when it exceeds this, or at the end.
     down[1] |= rounding & (final | ~up[1])
     up[1] &= ~rounding
     escaped = ~(np.isfinite(kinetic) & (amplitude < ESCAPE * start)).all(axis=0)
@@ -230,7 +230,7 @@ def _sum(rows: Floats) -> Floats:
 def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:
     """Return slope [1/s] and its standard error over the last three quarters, each (runs,).
 
-    lines (windows, runs): half the logarithm of the windows' energies, one each `window` seconds.
+    lines (windows, runs): half the logarithm of the windows' energies, one per `window` seconds.
     """
     kept = lines[lines.shape[0] // 4 :]
     count = kept.shape[0]

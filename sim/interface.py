@@ -1,4 +1,4 @@
-"""What stands between controller and mechanism: clock, encoder, amplifier."""
+"""The interface between controller and mechanism: clock, encoder, amplifier."""
 
 import math
 from dataclasses import dataclass, fields
@@ -9,7 +9,7 @@ from zwidth.sim.estimators import ESTIMATORS, MOST_WINDOW, Estimator, Settings
 from zwidth.sim.nearest import nearest
 
 LINKS = ("link12", "link23", "link34", "link45")
-MOST_RATIO = 1000  # of the rates of two loops
+MOST_RATIO = 1000  # largest ratio of the rates of two loops
 
 
 @dataclass(frozen=True)
@@ -22,19 +22,19 @@ class Interface(Valued):
     encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: factor on the
     command, applied after rounding and before limits and lag, so that limits are limits of the
     force. position_origin [rad | m]: the recorded position at which the chain is at zero and a
-    spring to ground is relaxed. command_hold: what a *recorded* command is between its samples,
-    "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
+    spring to ground is relaxed. command_hold: how a *recorded* command continues between its
+    samples, "zero_order" or "smooth" (a band-limited signal); a law's command is always held.
 
     Several rates: the encoder is read and a command computed every period. velocity_order of that
-    low-pass, 1 or 2 (Butterworth). velocity_ticks: the velocity is estimated once in so many
-    periods, over the same number of periods, and held in between. position_ticks: the law gets a
-    new position once in so many periods, as in an outer loop that is slower than the device's own.
+    low-pass, 1 or 2 (Butterworth). velocity_ticks: periods from one velocity estimate to the next;
+    each is over this number of periods, and held in between. position_ticks: periods from one new
+    position for the law to the next, as in an outer loop that is slower than the device's own.
 
     velocity_estimator: how the velocity is computed from the readings, before that low-pass; a name
     of `sim/estimators`. velocity_window, velocity_band [rad | m], velocity_noise [rad | m] and
-    velocity_acceleration [rad/s2 | m/s2]: its settings, 0 for one that it does not have.
-    velocity_step [rad/s | m/s]: resolution of the velocity that the law gets, as of a register; 0
-    for none.
+    velocity_acceleration [rad/s2 | m/s2]: its settings, 0 for those that it does not have.
+    velocity_step [rad/s | m/s]: resolution of the velocity that the law gets (a register); 0 for
+    none.
 
     force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
     feedback (`sim/force_sensor.py`).
@@ -136,7 +136,7 @@ class Interface(Valued):
 
     @property
     def estimator_settings(self) -> Settings:
-        """What the estimator is set to."""
+        """The settings of the estimator."""
         return Settings(
             self.velocity_period, int(self.velocity_window), self.velocity_band,
             self.velocity_noise, self.velocity_acceleration,
@@ -154,7 +154,7 @@ class Interface(Valued):
 
     @property
     def multirate(self) -> bool:
-        """True where position or velocity is renewed less often than once a period."""
+        """Whether position or velocity is renewed less often than once per period."""
         return self.velocity_ticks > 1 or self.position_ticks > 1
 
     @property
@@ -171,8 +171,8 @@ class Interface(Valued):
     def velocity_filter(self) -> tuple[float, float, float, float]:
         """The weights (a, b, c, d) of the velocity filter.
 
-        With e the estimate (by default the backward difference) less the last v, and r the slope of
-        v times its period T,
+        With e the estimate (by default the backward difference) minus the last v, and r the slope
+        of v times its period T,
 
             v_k = v_{k-1} + a e + b r_{k-1},    r_k = c e + d r_{k-1}.
 
@@ -196,7 +196,7 @@ class Interface(Valued):
 
     @property
     def linear(self) -> bool:
-        """True where nothing in the interface is nonlinear."""
+        """Whether nothing in the interface is nonlinear."""
         steps = self.encoder_step, self.command_step, self.velocity_step
         return (
             not any(steps) and math.isinf(self.command_limit) and self.estimator.linear is not None

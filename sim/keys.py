@@ -10,7 +10,7 @@ class Key:
     """A key of a file.
 
     table: "", "chain", "modal.mode" ...; unit on a rotary device and linear_unit on another ("" for
-    none; one unit applies to both if only one is given); default: as it would be written, "" for a
+    none; one unit applies to both if only one is given); default: as written in a file, "" for a
     required key; meaning and example: for people.
     """
 
@@ -39,7 +39,7 @@ class Key:
 
 
 def commented(text: str, comments: Mapping[tuple[str, str], str]) -> str:
-    """Return a TOML text with (table, key) -> comment put behind the lines of these keys."""
+    """Return a TOML text with comments, given by (table, key), after the lines of these keys."""
     return "\n".join(_with_comments(text.split("\n"), comments))
 
 
@@ -54,5 +54,5 @@ def _with_comments(lines: Iterable[str], comments: Mapping[tuple[str, str], str]
 
 
 def rows(keys: Iterable[Key]) -> list[dict[str, Any]]:
-    """Return keys as JSON has them."""
+    """Return keys in their JSON form."""
     return [vars(key) for key in keys]

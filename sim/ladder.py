@@ -9,7 +9,7 @@ and force = (k0 + D_1) x position. With D_i = p_i / q_i the recursion needs no d
     q_i = L_i q_{i+1} + p_{i+1},    p_i = (m_i s^2 + b_i s) q_i + L_i p_{i+1},
 
 p_1 = det(M s^2 + C s + K) and q_1 = the same without m1, so p_1 has the poles of position over
-force as its roots, q_1 the zeros (both for k0 = 0, which is added by `dynamic_stiffness`).
+force as its roots, q_1 the zeros (both for k0 = 0; `dynamic_stiffness` adds k0).
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ Complexes = NDArray[np.complex128]
 def determinants(chain: Chain, s: ArrayLike) -> tuple[Complexes, Complexes]:
     """Return (p_1, q_1) at complex s [rad/s], each of the shape of s; k0 is left out.
 
-    The chain's arrays may carry further axes after the first; they broadcast against s.
+    The chain's arrays may have further axes after the first; they broadcast against s.
     """
     s = np.asarray(s, dtype=np.complex128)
     own = [(m * s + b) * s for m, b in zip(chain.masses, chain.ground_dampers, strict=True)]
@@ -44,7 +44,7 @@ def dynamic_stiffness(chain: Chain, s: ArrayLike) -> Complexes:
 def frequency_response(chain: Chain, frequency: ArrayLike) -> Complexes:
     """Return position of m1 over force at m1 [rad/(N m) | m/N] at frequency [Hz], same shape.
 
-    At 0 Hz a chain without ground spring has none: an infinite value is returned.
+    At 0 Hz it is infinite for a chain without ground spring.
     """
     s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):

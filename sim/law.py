@@ -1,4 +1,4 @@
-"""Which law the walls of an ensemble follow, and its numbers beyond stiffness and damping."""
+"""The law of the walls of an ensemble, and its numbers besides stiffness and damping."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Law(Valued):
     """A law of walls (`sim/wall_law.py`); fields that its kind does not use are 0.
 
     kind: wall (spring and damper), texture, region or guarded. wavelength [rad | m] and share of a
-    texture; width [rad | m] of a region, 0 for everywhere; most_damping [N m s/rad | N s/m] of a
+    texture; width [rad | m] of a region, 0 for unlimited; most_damping [N m s/rad | N s/m] of a
     passivity controller.
 
     Raises ValueError (field, value, what is allowed).
@@ -61,5 +61,5 @@ class Law(Valued):
 
     @property
     def linear(self) -> bool:
-        """True where a two-sided wall of this law is linear."""
+        """Whether a two-sided wall of this law is linear."""
         return self.kind == "wall" or (self.kind == "region" and self.width == 0.0)

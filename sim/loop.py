@@ -7,13 +7,13 @@ over [kT + r, (k + 1) T), so that
     u_k = -(K y_k + B v_k),   v_k = (1 - a) v_{k-1} + a (y_k - y_{k-1}) / T
 
 State s = [x; u_{k-1} .. u_{k-D}; y_{k-1}; v_{k-1} where filtered; its slope where that is of second
-order], D = d or, with r > 0, d + 1. Where the velocity is that of another linear estimator, its
-memory stands in the place of y_{k-1} and its estimate in that of the difference.
-Command, reading and velocity enter as single vectors, so K and B are both rank-one changes:
+order], D = d or, with r > 0, d + 1. With another linear estimator of velocity, its memory replaces
+y_{k-1} and its estimate replaces the difference. Command, reading and velocity enter as single
+vectors, so K and B are both rank-one changes:
 
     s_{k+1} = (A - b (K c_y + B c_v)) s_k
 
-Linear parts only: steps, limits, friction and other forces without slope at rest do not enter.
+Linear parts only: steps, limits, friction and other forces without slope at rest are left out.
 """
 
 import re
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from control import StateSpace
 
 Floats = NDArray[np.float64]
-MOST_TICKS = 400  # of delay; the eigenproblem of the boundary takes 20 s there
+MOST_TICKS = 400  # of delay; the eigenproblem of the boundary then takes 20 s
 
 
 class Loop(NamedTuple):
     """s' = transition s + entry u, y = reading s, v = velocity s, over one period T [s].
 
     transition (M, M), the rest (M,). shift is the state of the device at rest at position 1, zero
-    where a spring to ground allows no such rest.
+    if a spring to ground prevents this.
     """
 
     transition: Floats
@@ -59,14 +59,14 @@ class Loop(NamedTuple):
 
     @property
     def free(self) -> bool:
-        """True where nothing but damping holds the device."""
+        """Whether only damping holds the device."""
         return bool(self.shift.any())
 
     def without_drift(self) -> "Loop":
         """Return the loop of a free device at K = 0 without its eigenvalue 1, shape M - 1.
 
-        Measured from q_1, all positions, the stored reading included, leave q_1 out of their
-        equations: dropping it removes the eigenvalue exactly.
+        If all positions, including the stored reading, are measured from q_1, their equations do
+        not contain q_1, so dropping it removes the eigenvalue exactly.
         """
         size = self.shift.size
         relative, absolute = np.eye(size), np.eye(size)
@@ -82,7 +82,7 @@ class Loop(NamedTuple):
 
 
 def open_loop(device: Device) -> Loop:
-    """Return the one-tick equations of a device, command and readings still unconnected.
+    """Return the one-tick equations of a device, with command and readings not yet connected.
 
     Raises ValueError for a delay of more than `MOST_TICKS` periods, several rates, or an estimator
     of velocity that is not linear.
@@ -124,7 +124,7 @@ def open_loop(device: Device) -> Loop:
 
 
 def linear_estimator(interface: Interface) -> Linear:
-    """Return the equations of the velocity estimator; raises ValueError where it has none."""
+    """Return the equations of the velocity estimator; raises ValueError if it has none."""
     estimator = interface.estimator
     if estimator.linear is None:
         raise ValueError(
@@ -167,11 +167,11 @@ def wired(
     weights: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0), read: int = 0,
     estimator: Linear | None = None,
 ) -> Loop:  # fmt: skip
-    """Return the loop around a device whose position is the state `read`, shift left zero.
+    """Return the loop around a device whose position is the state `read`; shift is zero.
 
-    transition (n, n) over a period; newer, older (n,): what the commands add that are `whole` and
-    whole + 1 ticks old, older None without remainder. weights: of the velocity filter
-    (`Interface.velocity_filter`), behind the estimator (None: the backward difference).
+    transition (n, n) over a period; newer, older (n,): contributions of the commands that are
+    `whole` and whole + 1 ticks old, older None without remainder. weights: of the velocity filter
+    (`Interface.velocity_filter`), after the estimator (None: the backward difference).
     """
     if estimator is None:
         estimator = linear_estimator(Interface())

@@ -2,8 +2,8 @@
 
 A search evaluates thousands of devices that differ only in numbers. Here these numbers are arrays
 with a first axis of members, changed as those of a `Device` are (`with_physics`, `with_interface`),
-and laid out for the lanes of the kernel without a `Device` for each. Everything derived from a
-member's numbers is bit for bit the same as from its `device`.
+and arranged for the lanes of the kernel without a `Device` for each. Everything computed from a
+member's numbers equals the result for its `device` bit for bit.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ from zwidth.sim.plant import Plant, behind
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-VARIES = ("delay", "encoder_step", "command_step", "command_limit")  # of the interface
+VARIES = ("delay", "encoder_step", "command_step", "command_limit")  # fields of the interface
 HOOK_OF = dict(zip(TABLES, ("force", "friction", "sensor", "command", "clock"), strict=True))
 
 
@@ -42,8 +42,8 @@ HOOK_OF = dict(zip(TABLES, ("force", "friction", "sensor", "command", "clock"), 
 class Members:
     """Devices with the same masses, links, effects and places; rows of the arrays are members.
 
-    like: their common values. chains: (members, n). interface: (members,) of the fields of the
-    interface, among `VARIES`, that differ from it. physics: effects and places, whose own values
+    like: their common values. chains: (members, n). interface: (members,) for each field of the
+    interface, among `VARIES`, that differs from it. physics: effects and places, whose own values
     are ignored; values (members, parameters) of each, in the order of its declaration.
     """
 
@@ -74,7 +74,7 @@ class Members:
             for p, own in zip(self.physics, self.values, strict=True)
         )
         masses, dampers, spring, links, link_dampers = (of(numbers) for numbers in self.chains)
-        return Device(  # which validates the chain
+        return Device(  # Device validates the chain
             self.like.name, self.like.source, self.like.rotary,
             Chain(masses, dampers, float(spring), links, link_dampers),
             replace(self.like.interface, **changes), physics, uncertainty=self.like.uncertainty,
@@ -82,11 +82,11 @@ class Members:
 
     @cached_property
     def first(self) -> Device:
-        """The device of the first."""
+        """The first member's device."""
         return self.device(0)
 
     def check(self) -> None:
-        """Raise what `device` raises, if any member is not a possible device.
+        """Raise the error of `device` if any member is not a possible device.
 
         The allowed range of a number is an interval that does not depend on the others, so all
         members are within it if the smallest and the largest number are.
@@ -129,7 +129,7 @@ class Members:
         )
 
     def with_interface(self, **changes: float | Floats) -> "Members":
-        """Return them with other fields of the interface, (members,) or one for all.
+        """Return the members with other fields of the interface, (members,) or one for all.
 
         Raises ValueError for a field in which members cannot differ.
         """
@@ -149,9 +149,9 @@ class Members:
         return np.full(self.size, float(getattr(self.like.interface, name)))
 
     def with_physics(self, physics: Physics, values: Floats) -> "Members":
-        """Return them with an effect, kept where a device keeps it; values (members, parameters).
+        """Return the members with an effect; values (members, parameters).
 
-        As `Device.with_physics` brings it.
+        It is stored as by `Device.with_physics`.
         """
         entry, chain = physics.effect.in_interface, physics.effect.in_chain
         if entry is not None:
@@ -169,7 +169,7 @@ class Members:
         )
 
     def without_physics(self, left_out: Callable[[Physics], bool]) -> "Members":
-        """Return them without the effects for which the condition is true."""
+        """Return the members without the effects for which the condition is true."""
         kept = [i for i, p in enumerate(self.physics) if not left_out(p)]
         return replace(
             self,
@@ -194,7 +194,7 @@ class Members:
 
     @cached_property
     def plant(self) -> Plant:
-        """The linear equations of all, which are of one of the `kinds`."""
+        """The linear equations of all members, which are of one of the `kinds`."""
         return plant_of(
             self.chains,
             [
@@ -204,29 +204,29 @@ class Members:
         )
 
     def plant_at(self, i: int) -> Plant:
-        """Return the linear equations of one."""
+        """Return the linear equations of one member."""
         plant = self.plant
         return Plant(
             plant.a[i], plant.b[i], type(plant.matrices)(*(m[i] for m in plant.matrices)), plant.lag
         )
 
     def delay_ticks(self) -> tuple[Ints, Floats]:
-        """Return whole ticks of delay and what remains [s], as `Interface.delay_ticks`."""
+        """Return whole ticks of delay and the remainder [s], as `Interface.delay_ticks`."""
         period, delay = self.like.interface.period, self.of_interface("delay")
         whole = np.floor(delay / period + 1e-9)
         left = delay - whole * period
         return whole.astype(np.int64), np.where(left > 1e-9 * period, left, 0.0)
 
     def enough_substeps(self) -> Ints:
-        """Return how many substeps per tick each takes at least, as `equations.enough_substeps`.
+        """Return the least substeps per tick of each member, as `equations.enough_substeps`.
 
-        They are of one of the `kinds`.
+        All members are of one of the `kinds`.
         """
         found = np.ones(self.size, dtype=np.int64)
         dry = dry_masses(self.physics)
         if not dry:
             return found
-        # A hair more than `enough_of` asks for, which has the last word.
+        # Slightly more than `enough_of` requires, which makes the final decision.
         close = ~sure(self.plant, 1.02 * self.like.interface.period)
         for i in np.flatnonzero(close).tolist():
             interface = replace(self.like.interface, delay=float(self.of_interface("delay")[i]))
@@ -256,7 +256,7 @@ def together(rows: NDArray[np.generic]) -> list[Ints]:
 
 
 class Stacked(NamedTuple):
-    """Members of one structure, by their index, in few and in many substeps per tick."""
+    """Members of one structure, by index, with few and with many substeps per tick."""
 
     which: Ints
     coarse: Stack
@@ -264,7 +264,7 @@ class Stacked(NamedTuple):
 
 
 def stacks(members: Members, few: int, many: int, seed: int = 0) -> list[Stacked]:
-    """Return members of one of the `kinds` laid out, those of one structure together.
+    """Return members of one of the `kinds`, arranged for the kernel by structure.
 
     Members whose dry friction would need more substeps are left out. Raises ValueError like
     `equations.frame`; members are those that `Members.check` accepts.
@@ -356,7 +356,7 @@ def _last(values: Floats) -> Floats:
     return np.ascontiguousarray(values.transpose(axes))
 
 
-# Frames by structure: of devices that a search asks for, a few hundred.
+# Frames by structure: a few hundred in a search.
 _FRAMES: dict[Structure, Equations] = {}
 
 
@@ -366,7 +366,7 @@ def _framed(members: Members, whole: int, few: int, seed: int) -> Equations:
     members: of one of the `kinds`, with equal whole ticks of delay.
     """
     interface, plant = members.like.interface, members.plant
-    if interface.force_sensor:  # whose row is made of the links' own numbers
+    if interface.force_sensor:  # its row depends on the links' own numbers
         return frame(members.first, few, seed)[0]
     still = tuple(getattr(interface, f.name) for f in fields(interface) if f.name not in VARIES)
     effects = tuple((p.effect.name, p.effect.code, p.at) for p in members.physics)

@@ -1,4 +1,4 @@
-"""Eq. (1) of the paper: rigid body times one factor per mode; to the chain and back."""
+"""Eq. (1) of the paper: rigid body times one factor per mode; conversion to a chain and back."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from zwidth.sim.ladder import Complexes, dynamic_stiffness, scaled
 from zwidth.sim.synthesis import chains, polish
 
 AGREEMENT = 1e-8
-NO_MASS = 1e-12  # of the total: what rounding leaves of a mode that cancels itself
+NO_MASS = 1e-12  # of the total mass: rounding of a mode that cancels itself
 
 
 class Mode(NamedTuple):
@@ -31,8 +31,8 @@ class Mode(NamedTuple):
 class ModalModel(Valued):
     """G(s) = 1/(m s^2 + b s) x product of modes: position of m1 over force at m1.
 
-    inertia m [kg m2 | kg], damping b [N m s/rad | N s/m], modes (0 to 3 of them; kept in rising
-    omega). Damping terms may be negative, as a fit's may be; inertia and frequencies may not.
+    inertia m [kg m2 | kg], damping b [N m s/rad | N s/m], modes (0 to 4 of them; kept in rising
+    omega). Damping terms may be negative, as in some fits; inertia and frequencies may not.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -88,9 +88,9 @@ def frequency_response(model: ModalModel, frequency: ArrayLike) -> Complexes:
 def to_chain(model: ModalModel) -> Chain:
     """Return the chain of k + 1 masses with this response, to the last digits (`sim/synthesis.py`).
 
-    Should there be several with positive masses and springs (seen only with overdamped modes), the
-    one with the least negative damping is taken. Raises ValueError with a sentence where there is
-    none, or none that double precision can hold (seen only with v > omega or overdamped modes).
+    If there are several with positive masses and springs (seen only with overdamped modes), the one
+    with the least negative damping is returned. Raises ValueError with a sentence if there is none,
+    or none in double precision (seen only with v > omega or overdamped modes).
     """
     rate = math.exp(
         sum(math.log(mode.omega * mode.v) for mode in model.modes) / max(1, 2 * len(model.modes))
@@ -135,7 +135,7 @@ def _roots(c: float, omega: float) -> tuple[complex, ...]:
 
 
 def agree(chain: Chain, model: ModalModel) -> bool:
-    """Return whether both have one response (to 1e-8, seen a little off the imaginary axis)."""
+    """Return whether both have the same response (to 1e-8, slightly off the imaginary axis)."""
     if min(chain.masses) <= 0.0 or min(chain.link_springs, default=1.0) <= 0.0:
         return False
     rates = [rate for mode in model.modes for rate in (mode.omega, mode.v)]
@@ -148,8 +148,8 @@ def agree(chain: Chain, model: ModalModel) -> bool:
 def from_chain(chain: Chain) -> ModalModel:
     """Return the modal model with the response of this chain (damping: sum of ground dampers).
 
-    Raises ValueError with a sentence where there is none: with a spring to ground, or where a mode
-    is overdamped, so that its two real poles cannot be told from the rigid body's.
+    Raises ValueError with a sentence if there is none: with a spring to ground, or if a mode is
+    overdamped, so that its two real poles cannot be distinguished from the rigid body's.
     """
     if chain.ground_spring != 0.0:
         raise ValueError(

@@ -1,6 +1,6 @@
 """The numbers of a device by name: m1, b1, k12, b12, k0, interface.delay, EFFECT@PLACE.PARAMETER.
 
-Names of the chain are those of a diagnosis, those of the interface its fields.
+Names of the chain are those of a diagnosis; names of the interface are its fields.
 """
 
 import math
@@ -44,7 +44,7 @@ def numbers_of_device(device: Device) -> dict[str, Named]:
     found: dict[str, Named] = {}
     for pattern, (field, unit, factor) in CHAIN.items():
         for i, value in enumerate(getattr(chain, field).tolist()):
-            # a damper that pushes is of a modal fit, and has no bound
+            # a negative damper comes from a modal fit, and has no bound
             lower = 0.0 if value >= 0.0 else -math.inf
             name = pattern.replace(r"(\d)", str(i + 1)).replace(r"\d", str(i + 2))
             found[name] = Named(value, unit[side], lower, math.inf, factor)

@@ -1,4 +1,4 @@
-"""What an error message suggests for an unknown word."""
+"""Suggestions of error messages for an unknown word."""
 
 import re
 from collections.abc import Iterable

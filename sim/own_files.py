@@ -1,8 +1,8 @@
-"""Where a user's own effects are declared: files that are compiled into the kernels.
+"""Files that declare a user's own effects, which are compiled into the kernels.
 
-Those in `ZWIDTH_EFFECTS` (files or folders, separated as in PATH), else those in a folder `effects`
-of the current folder. They are read when zwidth is imported, since an effect is compiled into the
-kernels; in a folder, only files with a key `formula` count.
+They are those in `ZWIDTH_EFFECTS` (files or folders, separated as in PATH), else those in the
+folder `effects` of the current folder. They are read when zwidth is imported, since an effect is
+compiled into the kernels; in a folder, only files with a key `formula` count.
 """
 
 import hashlib
@@ -39,5 +39,5 @@ def own_texts() -> tuple[tuple[Path, bytes | None], ...]:
 
 
 def source_hash(text: bytes) -> str:
-    """Return what says in a log which text an effect had."""
+    """Return the hash that identifies the text of an effect in a log."""
     return hashlib.sha256(text).hexdigest()[:16]

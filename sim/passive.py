@@ -2,8 +2,8 @@
 
 It minimises the rms over a logarithmic grid of frequencies of the relative complex error |G_passive
 / G - 1|, so that a resonance and its flanks, an octave at 2 Hz and one at 200 Hz have equal weight.
-Masses and springs stay positive by their logarithm, dampers by the bound 0, where bounded least
-squares (dogleg in a box) can end exactly. Limit: the best of a few starts, not proven global.
+Masses and springs stay positive by their logarithm, dampers by the bound 0, at which bounded least
+squares (dogleg in a box) can end. Limit: the best of a few starts, not proven global.
 """
 
 from typing import NamedTuple

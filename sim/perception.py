@@ -1,22 +1,21 @@
 """When a hand feels an oscillation: above a threshold of force, or of motion.
 
 Force. H. H. King, R. Donlin and B. Hannaford (Perceptual thresholds for single vs. multi-finger
-haptic interaction, Haptics Symposium 2010) found that fingertips notice a force of a device from 29
-to 44 mN on. `FORCE` is a third of that, 0.01 N.
+haptic interaction, Haptics Symposium 2010) found that fingertips notice a device's force from
+thresholds of 29 to 44 mN on. `FORCE` is a third of that, 0.01 N.
 
 Motion. The threshold of vibration on the skin is flat up to 40 Hz, falls by 12 dB an octave from
 there, and is lowest, some tenths of a micrometre, at about 250 Hz (R. T. Verrillo, J. Acoustical
 Society of America 35, 1962, 1963; L. A. Jones and S. J. Lederman, Human Hand Function, 2006). Here,
-in micrometres of half the range,
+as half the range in micrometres,
 
     a(f) = 8 min(1, (40 Hz / f)^2),   0.2 from 250 Hz on
 
-Beyond 250 Hz it rises again, which is left out, to be on the safe side.
+Beyond 250 Hz the threshold rises again, which is neglected, to be safe.
 
-Limits: thresholds differ tenfold with person, grip and contact area: of a cylinder that the hand
-grasps, some feel 0.01 um (A. J. Brisben, S. S. Hsiao and K. O. Johnson, J. Neurophysiology 81,
-1999). The motion is that of m1 with no hand on it; a rotary device has one only where a lever is
-given.
+Limits: thresholds differ tenfold with person, grip and contact area: some feel 0.01 um on a grasped
+cylinder (A. J. Brisben, S. S. Hsiao and K. O. Johnson, J. Neurophysiology 81, 1999). The motion is
+that of m1 without a hand; for a rotary device this threshold needs a lever.
 """
 
 import math
@@ -30,7 +29,7 @@ from zwidth.sim.growth import Growth
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-FORCE = 0.01  # N, or N m of a rotary device
+FORCE = 0.01  # N, or N m for a rotary device
 SLOW_M, SLOW_HZ, BEST_HZ = 8e-6, 40.0, 250.0
 
 
@@ -40,7 +39,7 @@ class Perception(Valued):
 
     force [N m | N]: half the range of the command. position [rad | m]: half the range of m1, None
     for the threshold of vibration. lever [m]: of a rotary device, from its axis to the hand; None
-    where the threshold of vibration is not used.
+    if the threshold of vibration is not used.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -77,7 +76,7 @@ class Perception(Valued):
 def vibration_threshold(frequency: Floats) -> Floats:
     """Return the least amplitude [m] of vibration that skin feels at each frequency [Hz].
 
-    The one of slow vibration where the frequency is not known.
+    For an unknown frequency it is that of slow vibration.
     """
     known = np.where(np.isfinite(frequency), frequency, 0.0)
     return SLOW_M * (SLOW_HZ / np.clip(known, SLOW_HZ, BEST_HZ)) ** 2

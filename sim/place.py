@@ -1,4 +1,4 @@
-"""Where physics enters a device: one value for what files write as "m2", "link12", "command"."""
+"""Places of physics in a device, which files write as "m2", "link12", "command"."""
 
 import re
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zwidth.shown import Valued
 
 Kind = Literal["mass", "link", "ground", "command", "clock", "sensor", "velocity"]
-GROUND = -1  # index of what does not move
+GROUND = -1  # index of the fixed ground
 MOST_MASSES = 5  # of a chain (`sim/chain.py`)
 
 
@@ -19,9 +19,8 @@ MOST_MASSES = 5  # of a chain (`sim/chain.py`)
 class Place(Valued):
     """A place; `str` writes it as files do, `place_at` reads it.
 
-    index: of the mass, or of the link's first mass, from 0. ground: between m1 and what stands
-    still, for what ties m1 down. velocity: every reading of a velocity, where a sensor is every
-    reading.
+    index: of the mass, or of the link's first mass, from 0. ground: between m1 and the fixed
+    ground. velocity: every reading of a velocity; sensor: every reading.
     """
 
     kind: Kind
@@ -36,12 +35,12 @@ class Place(Valued):
 
     @property
     def masses_needed(self) -> int:
-        """How many masses a chain must have for it: m3 and link23 need 3."""
+        """The number of masses that it needs in a chain: 3 for m3 and link23."""
         return self.ends[0] + 1 if self.ends[1] == GROUND else self.ends[1] + 1
 
     @property
     def ends(self) -> tuple[int, int]:
-        """The masses that a force here acts between: m2 -> (1, `GROUND`), link12 -> (0, 1)."""
+        """The masses between which a force here acts: m2 -> (1, `GROUND`), link12 -> (0, 1)."""
         return self.index, self.index + 1 if self.kind == "link" else GROUND
 
     @property
@@ -50,7 +49,7 @@ class Place(Valued):
         return Place("mass", 0) if self.kind == "ground" else self
 
     def row(self, masses: int) -> NDArray[np.float64]:
-        """The row vector that gives a force's displacement from the positions of the masses."""
+        """The row vector that gives the displacement of a force here from the masses' positions."""
         first, second = self.ends
         found = np.zeros(masses)
         found[first] = 1.0
@@ -71,7 +70,7 @@ LINKS = tuple(str(Place("link", i)) for i in range(MOST_MASSES - 1))
 
 @cache
 def place_at(text: str) -> Place:
-    """Return the place that a file writes like this; raises ValueError if there is none."""
+    """Return the place with this name in files; raises ValueError if there is none."""
     if text in ("ground", "command", "clock", "sensor", "velocity"):
         return Place(text)
     if mass := re.fullmatch(r"m([1-9])", text):

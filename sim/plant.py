@@ -1,8 +1,8 @@
 """The linear equations of a device: x' = A x + B u, and their exact solution under held inputs.
 
-State x = [q_1..q_n, v_1..v_n] and, where the amplifier lags, the actuator force a after them.
-Inputs u = [held command, f_1..f_n]: the command reaches m1 directly or through the lag
-tau a' = u - a; the forces act on the masses.
+State x = [q_1..q_n, v_1..v_n] and, if the amplifier lags, the actuator force a after them. Inputs u
+= [held command, f_1..f_n]: the command reaches m1 directly or through the lag tau a' = u - a; the
+forces act on the masses.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,13 +18,13 @@ from zwidth.sim.following import Following
 Floats = NDArray[np.float64]
 
 
-Link = tuple[int, int, float, float]  # its masses, spring and damper
+Link = tuple[int, int, float, float]  # two masses, spring and damper
 
 
 class Plant(NamedTuple):
     """a (N, N), b (N, 1 + n), matrices (n, n each), lag [s]; n = dof, N = 2n or 2n + 1.
 
-    Of many, with a first axis that counts them, and the longest lag.
+    For many devices, with a first axis of devices, and the longest lag.
     """
 
     a: Floats
@@ -46,7 +46,7 @@ class Plant(NamedTuple):
 def assemble(matrices: Matrices, lag: float | Floats = 0.0) -> Plant:
     """Write M q'' + C q' + K q = f, and the actuator's lag [s] if any, in first order.
 
-    Of one device, or of many with lags (...); either all of them lag or none.
+    For one device, or for many with lags (...); either all of them lag or none.
     """
     n, lead = matrices.mass.shape[-1], matrices.mass.shape[:-2]
     longest = float(np.max(lag))
@@ -68,7 +68,7 @@ def assemble(matrices: Matrices, lag: float | Floats = 0.0) -> Plant:
 
 
 def follow(plant: Plant, followers: Sequence[tuple[int, int]], by: Following) -> None:
-    """Let the states of some places, (place, which one it follows), follow by these equations.
+    """Make the states of places follow others, (place, followed place), by these equations.
 
     In place. The replaced entries belonged to masses so small that they have no effect.
     """
@@ -82,7 +82,7 @@ def follow(plant: Plant, followers: Sequence[tuple[int, int]], by: Following) ->
 
 
 def behind(plant: Plant, followers: NDArray[np.int64]) -> Floats:
-    """Return how late each follower is [s] at a steady speed, (..., k)."""
+    """Return the delay [s] of each follower at a steady speed, (..., k)."""
     a, n = plant.a, plant.dof
     found = np.zeros((*a.shape[:-2], followers.shape[0]))
     for i, (s, source) in enumerate(followers.tolist()):
@@ -93,7 +93,7 @@ def behind(plant: Plant, followers: NDArray[np.int64]) -> Floats:
 
 
 def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
-    """Return the plant with some masses held where they are: their velocity stays zero exactly."""
+    """Return the plant with some masses fixed: their velocity stays exactly zero."""
     a, b = plant.a.copy(), plant.b.copy()
     for i in masses:
         a[i, :] = a[plant.dof + i, :] = 0.0
@@ -102,7 +102,7 @@ def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
 
 
 def opened(plant: Plant, links: Iterable[Link]) -> Plant:
-    """Return the plant without what some links carry."""
+    """Return the plant without the forces of some links."""
     a, n = plant.a.copy(), plant.dof
     stiffness, damping = plant.matrices.stiffness.copy(), plant.matrices.damping.copy()
     for first, second, spring, damper in links:

@@ -1,9 +1,9 @@
 """Many devices of one kind along a recording: their innovations, their costs, or their free runs.
 
-Members have the same masses, links, effects and places, and numbers of their own. They run `WIDTH`
-at a time in the lanes of the kernel, those with equal whole ticks of delay together, and each gives
-what it would give alone, bit for bit. A failure of one (an overflow, too few substeps for its
-friction) does not affect the others: its innovations are infinite from there on.
+Members have the same masses, links, effects and places, but their own numbers. They run `WIDTH` at
+a time in the lanes of the kernel, grouped by whole ticks of delay, and each has the same result as
+alone, bit for bit. A failure of one (an overflow, too few substeps for its friction) does not
+affect the others: its innovations are infinite from there on.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,14 +32,14 @@ RunAll = Callable[[Sequence[Task]], object]
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording, as members follow it.
+    """A recording that members follow.
 
-    command (ticks,); measured (ticks, o), NaN where nothing was measured; outputs: what the columns
-    are. external (ticks, n): forces on the masses besides, the acceleration of the base after them
-    (n + 1) where it moves, None for none. strengths (ticks,): how much of the drive's force counts,
-    None for all of it. arriving (ticks,): what is read times each member's jitter, None for none.
-    uncounted (ticks,): which are not judged, None for none. columns (ticks,): first column of each
-    tick's gain among a member's (`sim.predict.Gains`), None where a gain holds throughout.
+    command (ticks,); measured (ticks, o), NaN where nothing was measured; outputs: of the columns.
+    external (ticks, n): other forces on the masses, then the base's acceleration if it moves (n +
+    1), None for none. strengths (ticks,): factor of the drive's force, None for 1. arriving
+    (ticks,): times a member's jitter, is subtracted from what was measured, None for none.
+    uncounted (ticks,): do not count, None for none. columns (ticks,): first column of each tick's
+    gain among a member's (`sim.predict.Gains`), None for one constant gain.
     """
 
     command: Floats
@@ -59,11 +59,11 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Readings:
-    """How each member reads a recording; what is None is neutral.
+    """How each member reads a recording; None is neutral.
 
     observers: gains L (states, o) of all, or (members, states, o). gains (members,) of the command;
-    origins (members, o) taken from what was measured, and jitters (members, o) times what is
-    arriving. lates (members, o) [s]: by how much outputs are read later than the recording says.
+    origins (members, o) are subtracted from the measurement; jitters (members, o): factors of
+    `arriving`. lates (members, o) [s]: how much later outputs are read than the recording states.
     """
 
     observers: Floats
@@ -78,8 +78,8 @@ class Followed:
     """The results, a row for each member.
 
     moments (members, o, o): sum of w w' over `counted` ticks, w the whitened innovations; infinite
-    where a member overflowed. innovations (members, ticks, o) where they were kept, else (members,
-    0, o). memories: the states at the end.
+    if a member overflowed. innovations (members, ticks, o) if they were kept, else (members, 0, o).
+    memories: the states at the end.
     """
 
     moments: Floats
@@ -99,12 +99,12 @@ class Followed:
 class Population:
     """Devices of one kind, ready to follow recordings.
 
-    Given one by one, or as `Members` of one of their kinds. few, many: substeps per tick, and in
-    ticks in which friction or play turns. seed: of lost samples. Raises ValueError for no devices,
+    Given one by one, or as `Members` of one kind. few, many: substeps per tick, and in ticks in
+    which friction or play changes state. seed: of lost samples. Raises ValueError for no devices,
     devices of several kinds, substeps < 1 or a seed out of range.
 
-    size: how many; dof, states: masses and states of each; reads, followers: where each
-    is read (`sim/reading.py`).
+    size: how many; dof, states: masses and states of each; reads, followers: where their sensors
+    read (`sim/reading.py`).
     """
 
     def __init__(
@@ -128,12 +128,11 @@ class Population:
     ) -> tuple[Memory, ...]:
         """Return each member's memory at tick 0; positions and velocities (members, masses).
 
-        With the total number of masses, those of effects included; readings that follow a mass
-        start as if they had followed it for long. began [s]: time since the beginning of the
-        recording.
+        masses: all of them, including those of effects; filtered readings start as after a long
+        motion at this speed. began [s]: time since the beginning of the recording.
 
-        The encoder's earlier reading, which only a controller asks for, is the true position's.
-        Raises ValueError for numbers that are not finite.
+        The encoder's earlier reading, which only a controller uses, is the true position. Raises
+        ValueError for numbers that are not finite.
         """
         finite = np.isfinite(positions).all(axis=1) & np.isfinite(velocities).all(axis=1)
         if not finite.all():
@@ -170,7 +169,7 @@ class Population:
         )
 
     def let_follow(self, memories: Sequence[Memory]) -> None:
-        """Put filtered readings where those are that have followed for long, in place."""
+        """Set filtered readings to their values after a long motion, in place."""
         for batch in self.batches:
             eq = batch.coarse.eq
             for m, i in enumerate(batch.members.tolist()):
@@ -188,9 +187,9 @@ class Population:
     ) -> Followed:
         """Follow a recording from the states given.
 
-        filters (o, o, order + 1), or (members, o, o, order + 1): what whitens the innovations, None
-        for nothing; missing samples count zero, the first `skipped` ticks not at all. keep: return
-        the innovations. run_all: runs the tasks, a group each, in any order.
+        filters (o, o, order + 1), or (members, o, o, order + 1): filters that whiten the
+        innovations, None for none; missing samples count as zero, the first `skipped` ticks not at
+        all. keep: return the innovations. run_all: runs the tasks, one per group, in any order.
         """
         ticks, o = recorded.measured.shape
         plain = np.eye(o)[:, :, None] if filters is None else filters
@@ -313,7 +312,7 @@ def _lanes(values: Floats, which: NDArray[np.int64], axes: int) -> Floats:
 def reading_of(
     readings: Readings, which: NDArray[np.int64], recorded: Recorded, states: int
 ) -> Reading:
-    """Return how up to `WIDTH` members read a recording, in lanes; raises ValueError for shapes."""
+    """Return how up to `WIDTH` members read a recording, in lanes; ValueError for wrong shapes."""
     o = recorded.measured.shape[1]
     size = int(which.max()) + 1
     gains = np.ones(size) if readings.gains is None else readings.gains

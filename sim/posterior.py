@@ -1,4 +1,4 @@
-"""What a diagnosis knows of a device's numbers together: standard deviations and correlations."""
+"""The joint uncertainty of a device's numbers: standard deviations and correlations."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from zwidth.shown import Valued
 
-ROUNDED = 1e-5  # an eigenvalue of a correlation that was written with six digits may be below zero
+ROUNDED = 1e-5  # a correlation written with six digits may have an eigenvalue below zero
 
 
 @dataclass(frozen=True)

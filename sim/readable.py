@@ -1,4 +1,4 @@
-"""Numbers as people write them: the prefix that brings a unit to size, the digits that are known.
+"""Numbers as people write them: with a suitable prefix of the unit, and only the known digits.
 
 Files and JSON have plain SI units; the text for people (headlines, reports, pages) is written here.
 """
@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 PREFIXES = {-9: "n", -6: "\u00b5", -3: "m", 0: "", 3: "k", 6: "M"}
-NO_KILO = ("rad", "s", "m", "m/s", "rad/s")  # nobody says kilosecond or kiloradian
+NO_KILO = ("rad", "s", "m", "m/s", "rad/s")  # kilosecond and kiloradian are not used
 BARE = ("kg m2", "rms motions", "", "%")  # units that take no prefix
 UNCOUNTABLE = ("counts", "counts/s", "counts/s2")  # nor do these
-TIGHT = 5e-5  # of a value: an interval below is told in percent, and not by its ends
-LARGE = 9.995  # of the motion, from which an error is told in times and not in percent
+TIGHT = 5e-5  # of a value: a narrower interval is given in percent, not by its ends
+LARGE = 9.995  # of the motion, from which an error is given as a multiple, not in percent
 
 
 _scales: ContextVar[tuple[str, str]] = ContextVar("scales", default=("", ""))
@@ -22,7 +22,7 @@ _scales: ContextVar[tuple[str, str]] = ContextVar("scales", default=("", ""))
 
 @contextmanager
 def counted_in(force: str, length: str) -> Generator[None]:
-    """Meanwhile write forces in the unit of the command, lengths in the unit of the reading.
+    """Within the block, write forces in the unit of the command, lengths in that of the reading.
 
     If their scales are not known, one of each counts as one SI unit: a friction of 0.4 N m is then
     written 0.4 A, and an inertia is in A s2/count. force: "A", "V", "counts", length: "counts"; ""
@@ -36,7 +36,7 @@ def counted_in(force: str, length: str) -> Generator[None]:
 
 
 def as_counted(unit: str) -> str:
-    """Return an SI unit as it is written where scales are not known (`counted_in`)."""
+    """Return the text for an SI unit if scales are not known (`counted_in`)."""
     force, length = _scales.get()
     if not (force or length):
         return unit
@@ -47,13 +47,13 @@ def as_counted(unit: str) -> str:
         return f"{f} s2/{per}"
     above, line, below = unit.partition("/")
     said = re.sub(r"\bN m\b|\bN\b", f, above)
-    if not re.search(r"\bN\b", above):  # the metre of a torque is no way
+    if not re.search(r"\bN\b", above):  # the metre of a torque is not a length of travel
         said = re.sub(r"\b(?:rad|m)(?=\d?\b)", way, said)
     return f"{said}{line}{re.sub(r'(?:rad|m)(?=[0-9]?$|[0-9]? )', per, below)}"
 
 
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
-    """Return a value with the prefix that brings it between 1 and 1000: 2e-3, "N m" -> "2 mN m".
+    """Return a value with the prefix for a number between 1 and 1000: 2e-3, "N m" -> "2 mN m".
 
     Infinity is "none" (a limit that limits nothing), NaN "unknown".
     """
@@ -88,7 +88,7 @@ def _by_prefix(size: float, unit: str, already: float) -> tuple[float, str]:
 
 
 def prefix(value: float) -> tuple[int, str]:
-    """Return the power of ten, and its letter, that bring a value between 1 and 1000."""
+    """Return the power of ten, and its letter, for a number between 1 and 1000."""
     if value == 0.0 or not math.isfinite(value):
         return 0, ""
     power = 3 * math.floor(math.log10(abs(value)) / 3.0 + 1e-9)
@@ -97,7 +97,7 @@ def prefix(value: float) -> tuple[int, str]:
 
 
 def plain(value: float, digits: int = 4) -> str:
-    """Return a number with so many significant digits, as people write it: 2.05e-4, 12400."""
+    """Return a number with some significant digits, as people write it: 2.05e-4, 12400."""
     text = f"{value:.{digits}g}"
     if 0.0 < abs(value) < 1e-3 and "e" not in text:
         text = f"{value:.{digits - 1}e}"
@@ -112,12 +112,12 @@ def plain(value: float, digits: int = 4) -> str:
 
 
 def number(value: float) -> str:
-    """Four significant digits; a dash for what is not known."""
+    """Four significant digits; a dash for unknown."""
     return plain(value) if math.isfinite(value) else "-"
 
 
 def interval(value: float, lower: float, upper: float, unit: str) -> str:
-    """Return a value with its interval, to the digits that the interval knows.
+    """Return a value with its interval, to the digits that the interval determines.
 
     0.0201, 0.0197, 0.0205, "N m" -> "20.1 mN m (19.7 to 20.5)"; five digits and "(within 0.01 %)"
     if more than four are known; without an interval if its ends are not known.
@@ -138,7 +138,7 @@ def interval(value: float, lower: float, upper: float, unit: str) -> str:
 
 
 def without_interval(value: float, lower: float, upper: float, unit: str, most: int = 3) -> str:
-    """Return a value to the digits that its interval knows, and to `most` of them.
+    """Return a value to the digits that its interval determines, at most `most`.
 
     0.0250004, 0.0249990, 0.0250018, "N m" -> "25.0 mN m"; 10.2, 6.0, 13.0, "N" -> "10 N".
     """

@@ -1,7 +1,7 @@
-"""Which state of the plant a sensor reads, where its readings are filtered.
+"""The states of the plant that sensors read, if readings are filtered.
 
 A reading that lags behind the motion of a mass is two more states of the plant, its position and
-its rate (`sim/following.py`), and so is exact in the propagator. These states are placed like those
+its rate (`sim/following.py`), and is therefore solved exactly. These states are placed like those
 of a further mass, after all masses. Several filters of one device are in series, in the order of
 its physics.
 
@@ -21,16 +21,16 @@ Ints = NDArray[np.int64]
 
 
 class Places(NamedTuple):
-    """After how many places the velocities of a state begin, and where each mass is read."""
+    """The index of the first velocity in a state, and the places where each mass is read."""
 
     dof: int
     reads: Ints
 
 
 class Reading(NamedTuple):
-    """Places in a plant: of n masses of the chain, and of k readings that are filtered.
+    """Indices in a plant: of n masses of the chain, and of k filtered readings.
 
-    reads (2, n): indices of the position and of the velocity by which each mass is read. followers
+    reads (2, n): indices of the position and of the velocity that are read for each mass. followers
     (k, 2): index of each follower, and of the state that it follows. filters: how many followers
     each filter has, in order.
     """
@@ -41,7 +41,7 @@ class Reading(NamedTuple):
 
 
 def reading(masses: int, moving: int, filters: Iterable[Place]) -> Reading:
-    """Return it for a chain of n masses, `moving` masses with those of effects, and filters."""
+    """Return the reading for a chain of n masses, `moving` masses in total, and filters."""
     reads = np.tile(np.arange(masses), (2, 1))
     followers: list[tuple[int, int]] = []
     counts: list[int] = []

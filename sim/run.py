@@ -77,8 +77,8 @@ class Start(Valued):
 class Run(Shown):
     """A finished run: its trace, how it ended, the final state and the energy ledger [J].
 
-    trace has one sample per tick, taken at t = kT before the chain moves. fine has one sample a
-    substep (positions and velocities), where asked for. ledger: work done by motor and disturbance,
+    trace has one sample per tick, taken at t = kT before the chain moves. fine has one sample per
+    substep (positions and velocities), if requested. ledger: work done by motor and disturbance,
     energy taken by each damper and effect. The balance is stored - stored at start = motor +
     disturbance - taken. Two entries are not part of the balance: `wall`, the work of the command at
     the sampled port (what a passivity observer sees), and `actuator_lag`, the work that the command
@@ -95,7 +95,7 @@ class Run(Shown):
 def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats) -> None:
     """Set filtered readings of a state to their values after long motion at its speeds.
 
-    In place. dof: number of positions; the others as in `Equations`.
+    In place. dof: number of positions; other arguments as in `Equations`.
     """
     for (place, source), late in zip(followers.tolist(), behind.tolist(), strict=True):
         x[dof + place] = x[dof + source]
@@ -105,10 +105,10 @@ def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats
 def start_memory(
     eq: Equations, start: Start, memory: int = 1, entries: int = 0, began: float = 0.0
 ) -> Memory:
-    """Return the memory at tick 0: nothing commanded yet, the encoder consistent with the start.
+    """Return the memory at tick 0: no command yet, and an encoder consistent with the start.
 
-    memory: how many values the controller keeps; entries: number of entries of the ledger; began
-    [s]: time from the beginning of the recording to the beginning of this part.
+    memory: number of values that the controller stores; entries: number of entries of the ledger;
+    began [s]: time from the beginning of the recording to the beginning of this part.
     """
     x = start.state(eq.dof - eq.followers.shape[0], eq.dof)
     let_follow(x, eq.dof, eq.followers, eq.behind)
@@ -136,7 +136,7 @@ def start_memory(
 
 @dataclass(frozen=True)
 class Setup:
-    """A run about to start; `blocks` runs it piece by piece, as a log is written."""
+    """A run that is ready to start; `blocks` runs it piece by piece, for writing a log."""
 
     device: Device
     controller: Controller
@@ -152,7 +152,7 @@ class Setup:
     def blocks(self, ticks: int = BLOCK_TICKS) -> Iterator[tuple[Trace, Trace | None, Outcome]]:
         """Yield (trace, fine trace or None, outcome so far) for every `ticks` ticks.
 
-        This works once, since the memory is then that of the end. Raises ValueError the second
+        This works only once, since the memory then is that of the end. Raises ValueError the second
         time.
         """
         if self.memory.counters[0] != 0:
@@ -265,12 +265,12 @@ def simulate(
     """Run a device under a controller for `duration` seconds.
 
     disturbance: external forces [N m | N], shape (ticks,) on m1 or (ticks, n), each held for one
-    tick; (ticks, n + 1) with the acceleration of a base that moves [rad/s2 | m/s2] after them, from
-    which positions are then counted. substeps: per tick; one is exact without continuous-time
-    nonlinearity; raise it for friction and smooth forces. seed: of what happens at random (lost
-    samples). bound: the run stops when |position of m1| exceeds it. energy: record the stored
-    energy; ledger: record also the work of motor, wall, each damper and effect. fine: keep the
-    states after every substep.
+    tick; (ticks, n + 1) if followed by the acceleration of a moving base [rad/s2 | m/s2], relative
+    to which positions are then counted. substeps: per tick; one is exact without continuous-time
+    nonlinearity; raise it for friction and smooth forces. seed: of random events (lost samples).
+    bound: the run stops when |position of m1| exceeds it. energy: record the stored energy; ledger:
+    record also the work of motor, wall, each damper and effect. fine: keep the states after every
+    substep.
 
     Raises ValueError with one sentence for a bad argument.
     """
@@ -284,7 +284,7 @@ def simulate(
 
 
 def duration_ticks(duration: float, period: float) -> int:
-    """Return the whole number of ticks in a duration [s]; raises ValueError for none."""
+    """Return the whole number of ticks in a duration [s]; raises ValueError if there is none."""
     if not 0.0 < duration < np.inf:
         raise ValueError(f"duration is {duration}; a finite time > 0 s is needed")
     return max(1, round(duration / period))

@@ -1,4 +1,4 @@
-"""Z[H G] of a modal model: what a computer sees of it through hold and sampler, exactly."""
+"""Z[H G] of a modal model: its exact response through hold and sampler."""
 
 from typing import NamedTuple
 
@@ -22,8 +22,8 @@ class StateSpace(NamedTuple):
 def state_space(model: ModalModel) -> StateSpace:
     """Return a realisation of G with 2k + 2 states, for k modes.
 
-    A cascade that ends in position and velocity of the rigid body; each mode before it stands as
-    w^2/v^2 (1 + ((d - c) s + v^2 - w^2)/(s^2 + c s + w^2)), with states scaled to its omega.
+    A cascade that ends in position and velocity of the rigid body; each mode before it is w^2/v^2
+    (1 + ((d - c) s + v^2 - w^2)/(s^2 + c s + w^2)), with states scaled to its omega.
     """
     size = 2 * len(model.modes) + 2
     a, b = np.zeros((size, size)), np.zeros(size)

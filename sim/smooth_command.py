@@ -2,7 +2,7 @@
 
 A controller holds its command. A command recorded by other equipment is often a sample of a smooth,
 band-limited signal u(t). Holding the samples then delays it by half a tick and reduces its
-amplitude by sinc(f T). The values to hold that act like u(t) in the band are
+amplitude by sinc(f T). The held values that act like u(t) in the band are
 
     c = F^-1[ U(f) exp(+i pi f T) / sinc(f T) ].
 """

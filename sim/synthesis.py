@@ -1,4 +1,4 @@
-"""From a response to the chain that has it: every chain, by taking one mass after another off.
+"""Finds every chain with a given response, by removing one mass after another.
 
 Let D = P/N be force over position at m1: P of degree 2n with P(0) = 0, N monic of degree 2n - 2.
 Division gives D = m1 s^2 + a s + r + R/N. The ladder (`sim/ladder.py`) with link L = k (1 + u s)
@@ -31,8 +31,8 @@ def chains(stiffness: Floats, minor: Floats) -> Iterator[Chain]:
     """Yield every chain with positive masses and springs whose D is stiffness / minor.
 
     Coefficients in ascending powers of s, in units that keep them near one: stiffness (2n + 1,)
-    with stiffness[0] = 0, minor (2n - 1,) with minor[-1] = 1. Accurate to some 1e-8 (roots of
-    polynomials); `polish` gives the rest.
+    with stiffness[0] = 0, minor (2n - 1,) with minor[-1] = 1. Accurate to about 1e-8 (roots of
+    polynomials); `polish` makes it exact.
     """
     degree = minor.size - 1
     if degree == 0:
@@ -98,8 +98,8 @@ def polish(
 ) -> Chain:
     """Return the chain near this one with exactly these poles and zeros (Newton's method).
 
-    poles, zeros: the roots of the quadratic factors, of a complex pair only one; damping = sum of
-    the ground dampers; inertia = m1. The determinants are affine in every single parameter, so a
+    poles, zeros: the roots of the quadratic factors, only one of a complex pair; damping = sum of
+    the ground dampers; inertia = m1. The determinants are affine in every parameter, so a
     difference of any size is their exact derivative.
     """
     x = to_vector(chain)

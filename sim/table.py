@@ -1,4 +1,4 @@
-"""Reading a TOML table key by key: every complaint names the place, the value, what is allowed."""
+"""Reads a TOML table key by key; every error names the place, the value, what is allowed."""
 
 from collections.abc import Iterable, Mapping
 from reprlib import repr as brief
@@ -14,7 +14,7 @@ class TableError(ValueError):
 
 
 class Table:
-    """A table of a TOML file and where it stands ("" at the top, "interface", "modal.mode[1]").
+    """A table of a TOML file and its place ("" at the top, "interface", "modal.mode[1]").
 
     Every method raises TableError for a key that is missing (without a default) or whose value is
     of another type.
@@ -28,7 +28,7 @@ class Table:
         return key in self._values
 
     def only(self, known: Iterable[str]) -> "Table":
-        """Return the table itself if it has no other keys than these."""
+        """Return the table itself if it has only these keys."""
         known = list(known)
         for key in self._values:
             if key not in known:
@@ -41,11 +41,11 @@ class Table:
         return self._values
 
     def keys(self) -> list[str]:
-        """Return the keys that stand in the table."""
+        """Return the keys of the table."""
         return list(self._values)
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a float; an integer is taken as one."""
+        """Return a float; an integer counts as one."""
         return _number(self._get(key, default), self._at(key))
 
     def numbers(self, key: str, default: list[float] | None = None) -> list[float]:
@@ -54,7 +54,7 @@ class Table:
         return [_number(v, f"{self._at(key)}[{i}]") for i, v in enumerate(values)]
 
     def rows(self, key: str, width: int) -> list[list[float]]:
-        """Return a list of rows of so many floats each."""
+        """Return a list of rows with `width` floats each."""
         allowed = f"a list of rows of {width} numbers"
         rows = self._typed(key, None, list, allowed)
         for i, row in enumerate(rows):
@@ -87,11 +87,11 @@ class Table:
         return self._typed(key, default, bool, "true or false")
 
     def table(self, key: str) -> "Table":
-        """Return a table inside this one, or an empty table where the key is missing."""
+        """Return a table inside this one, or an empty table if the key is missing."""
         return Table(self._typed(key, {}, dict, f"a table [{self._at(key)}]"), self._at(key))
 
     def tables(self, key: str) -> list["Table"]:
-        """Return the tables of an array of tables; none where it does not stand."""
+        """Return the tables of an array of tables; none if it is missing."""
         allowed = f"an array of tables [[{self._at(key)}]]"
         entries = self._typed(key, [], list, allowed)
         for entry in entries:

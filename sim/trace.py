@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 class Trace(Shown):
     """Sampled channels on one time axis.
 
-    t: times [s], shape (samples,). channels: name -> array of shape (samples,), SI units.
-    units: name -> unit ("rad", "rad/s", "N m", "J", "s", "" for none). A name is
-    ``quantity_place`` without a unit, e.g. ``position_m1``, ``velocity_m1``, ``encoder``,
-    ``velocity_estimate``, ``command``, ``applied``, ``contact``, ``stored_energy``.
-    facts: what is known about how the trace came to be (device, scenario, conversions, warnings).
+    t: times [s], shape (samples,). channels: name -> array of shape (samples,), SI units. units:
+    name -> unit ("rad", "rad/s", "N m", "J", "s", "" for none). A name is ``quantity_place``
+    without a unit, e.g. ``position_m1``, ``velocity_m1``, ``encoder``, ``velocity_estimate``,
+    ``command``, ``applied``, ``contact``, ``stored_energy``. facts: the origin of the trace
+    (device, scenario, conversions, warnings).
 
     Raises ValueError if a channel's length or unit is missing or differs from ``t``.
     """

@@ -1,14 +1,14 @@
-"""How well a device file knows its own numbers: what a fit may change them by."""
+"""How well the numbers of a device file are known, which limits their change in a fit."""
 
 from dataclasses import dataclass, fields
 
 from zwidth.shown import Valued
 
-# Three of them are as far as a fit goes: at 2 already a factor of 400, no knowledge at all.
+# A fit moves by at most three of them: at 2 this is a factor of 400, which means no knowledge.
 MOST = 2.0
 MOST_OF_A_DAMPER = 100.0
 FARTHEST_ZERO = 1e3  # m or rad
-LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to count in
+LEAST = 1e-6  # practically exact; zero would leave a fit without a scale
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Uncertainty(Valued):
     distinguish it from scaling all masses, springs, dampers and forces. masses; springs, including
     the one to ground; dampers, which are known worst: they are rarely measured, and change with
     temperature and wear. zeros [rad | m]: of the difference between the readings of the sensors of
-    m2, m3, ... and of m1 while no link is stretched; 0 if there is none.
+    m2, m3, ... and of m1 while no link is deflected; 0 if there is none.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -39,7 +39,7 @@ class Uncertainty(Valued):
             ("zeros", 0.0, FARTHEST_ZERO),
         ):
             value = getattr(self, field)
-            if not least <= value <= most:  # nor is what is not a number
+            if not least <= value <= most:  # also refuses NaN
                 what = "m or rad" if field == "zeros" else "relative to the value"
                 raise ValueError(
                     f"uncertainty.{field} is {value}; this standard deviation ({what}) must be from"

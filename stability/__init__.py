@@ -1,1 +1,1 @@
-"""How stiff a wall is stable: exact linear theory, and verdicts from runs in the time domain."""
+"""How stiff a wall can be: exact linear theory, and verdicts from runs in the time domain."""

@@ -1,10 +1,10 @@
 """Refine a map of fates only where the fate changes.
 
 A lattice of (coarse - 1) 2^levels + 1 points per side. First every 2^levels-th point is run. Then,
-level by level, each cell that has two fates among the points run in it or on its sides is divided
-in four. This adds points on the sides of neighbouring cells; a neighbour in which such a point has
-a second fate is divided too, until no cell of the level has two fates. In each remaining cell all
-the points that were run have one fate, and its other points take this fate from the corners.
+level by level, each cell with two fates among the points run in it or on its sides is divided. This
+adds points on the sides of neighbouring cells; a neighbour in which such a point has a second fate
+is divided too, until no cell of the level has two fates. In each remaining cell all the points that
+were run have one fate, and its other points take this fate from the corners.
 
 The order of the points depends only on the fates, never on time or threads, so a resumed map runs
 the same points and ends bit for bit the same.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 Fate = NDArray[np.int8]
 Flags = NDArray[np.bool_]
-MOST_POINTS = 2049  # a side
+MOST_POINTS = 2049  # per side
 
 
 def side(coarse: int, levels: int) -> int:
@@ -38,7 +38,7 @@ def side(coarse: int, levels: int) -> int:
 def rounds(fate: Fate, levels: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
     """Yield (level, flat indices of the points to run next); a level may take several rounds.
 
-    fate (side, side): -1 where not run; the caller fills it before the next round is asked for.
+    fate (side, side): -1 where not run; the caller fills it before requesting the next round.
     """
     stride = 2**levels
     first = np.zeros(fate.shape, dtype=bool)

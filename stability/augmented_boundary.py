@@ -25,7 +25,7 @@ ROTARY_START, LINEAR_START = 1e-3, 1e-4  # [rad], [m]
 SECONDS, LIMIT_S = 3.0, 6.0
 SUBSTEPS = 4
 TOLERANCE, RATIO = 0.02, 2.0
-SAME = 0.03  # relative difference of K_CR up to which it counts as unchanged: the brackets' widths
+SAME = 0.03  # relative difference of K_CR that counts as unchanged: the brackets' widths
 
 
 @dataclass(frozen=True)

@@ -49,11 +49,11 @@ from zwidth.stability.judging import (
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-GROUP = 128  # dampings bisected together, a multiple of the runs computed side by side
+GROUP = 128  # dampings bisected together, a multiple of the kernel's lanes
 LEADING = 4
-SETTLED = ("friction", "structure")  # hooks of physics without energy or bands of its own
-BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65, 0.5])  # of a closed bracket's K, tried too
-LOOKS = 3  # how many times at most
+SETTLED = ("friction", "structure")  # hooks of physics that adds no energy or bands
+BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65, 0.5])  # of a closed bracket's K: also tried
+LOOKS = 3  # most times that BELOW is tried
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class _Hunt:
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
         self.verdicts = np.full((2, shape), -1)
         self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
-        self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
+        self.widths = np.full((4, shape), np.inf)  # of the bracket: now, one to three trials ago
         self.amplitude, self.seconds = np.full((2, shape), np.nan)  # of the unstable end's run
         self.grows = np.zeros((self.starts.size, shape), dtype=bool)  # starts of the unstable end
         self.good: list[list[float]] = [[] for _ in range(shape)]  # every K that was stable
@@ -355,8 +355,8 @@ class _Hunt:
         good = growth.verdict == DECAYS
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
-        # This scan began above a band of instability: start again near zero. Only once: if K stays
-        # undecided from there on, the bracket has no stable end.
+        # This scan began above a band of instability: start again near zero. This is done once: if
+        # K then stays undecided, the bracket has no stable end.
         early = bad & np.isnan(self.stable[runs]) & (self.first[runs] > self.lowest)
         self.first[runs[early]] = self.lowest
         self.doubt_low[runs[early]] = self.doubt_high[runs[early]] = np.nan
@@ -377,7 +377,7 @@ class _Hunt:
         some = runs[doubt]
         self.doubt_low[some] = np.fmin(self.doubt_low[some], tried[doubt])
         self.doubt_high[some] = np.fmax(self.doubt_high[some], tried[doubt])
-        below = self.doubt_high <= self.stable  # below the stable end doubts are settled
+        below = self.doubt_high <= self.stable  # below the stable end doubts do not matter
         above = self.doubt_low >= self.unstable
         self.doubt_low[below | above] = self.doubt_high[below | above] = np.nan
 
@@ -414,7 +414,7 @@ def find_brackets(
 ) -> list[list[Bracket]]:
     """Return the time-domain boundary of each device over its dampings.
 
-    The dampings are divided into groups of up to 64 that are computed independently, on all cores.
+    The dampings are divided into groups of up to `GROUP`, computed independently on all cores.
     progress: called with the share of brackets closed, from 0 to 1 (from any thread). Raises
     ValueError for a damping that is not finite.
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 GRID = 41
 MARGIN = 1.2
-NEAR_END = 0.999  # of the last B with a stable K, near which the boundary falls to zero
+NEAR_END = 0.999  # of the last B with a stable K, where the boundary falls to zero
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,7 @@ def default_dampings(device: Device) -> Floats:
     """Return 41 values of B from 0 to 1.2 times the last B with a stable K, and the top's B.
 
     For most devices the top is a corner, and a grid that misses it shows a truncated boundary. A
-    device whose velocity estimator has no linear theory gets the grid that it has with the backward
-    difference.
+    device whose velocity estimator has no linear theory gets the grid for the backward difference.
 
     Raises ValueError for a device that has no stable wall at all.
     """

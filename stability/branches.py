@@ -4,7 +4,7 @@ Each branch is named after its start. At K = B = 0 the eigenvalues of the one-ti
 for the poles p of the device, the eigenvalues of the velocity's estimator and filter, and 0 for
 every stored command and reading. From there each eigenvalue is followed to (0, B) and on to (K, B),
 in steps that are short compared with its distance to the others. If two real eigenvalues meet and
-leave the axis as a pair, no step is short enough; the pair then has the name of the mechanical one.
+leave the axis as a pair, no step is short enough; the pair is then named after the mechanical one.
 Names depend on the path: a path round a point where two branches meet exchanges their names.
 
 The viscous force of a delayed damper turns with frequency: over the force of a true damper it is
@@ -36,7 +36,7 @@ SHORT = 0.25
 class Branches:
     """Eigenvalues z over a gain (steps,), one column per branch: z (steps, M), names (M,).
 
-    frequency_hz and decay [1/s] (positive: it dies out) are those of exp(k ln z).
+    frequency_hz and decay [1/s] (positive: it decays) are those of exp(k ln z).
     """
 
     names: tuple[str, ...]
@@ -89,8 +89,8 @@ def critical_mode(device: Device, point: LinearPoint) -> str | None:
 def damper_effect(device: Device, frequency_hz: ArrayLike) -> Complexes:
     """Return the force of the virtual damper over that of a true one, at f > 0 [Hz].
 
-    Real part: 1 for a true damper, negative where it drives the motion. Imaginary part: negative if
-    it acts as a spring, positive if it acts as a mass.
+    Real part: 1 for a true damper, negative if it drives the motion. Imaginary part: negative if it
+    acts as a spring, positive if it acts as a mass.
 
     Raises ValueError for a frequency <= 0.
     """

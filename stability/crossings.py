@@ -9,10 +9,10 @@ g(1/z), and these zeros are the finite eigenvalues of the symplectic pencil
     [   c       -c       0  ]
 
 QZ finds all of them at once. Between two neighbouring gains of the list no eigenvalue can pass the
-circle, so one look at the eigenvalues there decides for the whole interval: no band of instability
-is too narrow. False gains in the list do no harm (each only splits an interval in two), so zeros up
-to `NEAR_CIRCLE` off the circle are accepted, where rounding moves a simple zero by 1e-13 and a
-double one by 1e-7.
+circle, so the eigenvalues at one gain decide for the whole interval, and no band of instability is
+missed. False gains in the list do no harm (each only splits an interval in two), so zeros up to
+`NEAR_CIRCLE` off the circle are accepted, where rounding moves a simple zero by 1e-13 and a double
+one by 1e-7.
 
 Limits: an eigenvalue of A on the circle cancels in g(z) - g(1/z) and reappears as a false zero, so
 zeros closer than `NEAR_POLE` to an eigenvalue of A are dropped: a mode that decays by less per tick
@@ -37,7 +37,7 @@ LARGEST_STEP = 1e-4
 class Crossings(NamedTuple):
     """Gains k > 0 in rising order and the angles [rad], in [0, pi], of z = exp(j angle) there.
 
-    departures: d(ln|z|)/dk, positive where the eigenvalue leaves the circle outwards.
+    departures: d(ln|z|)/dk, positive if the eigenvalue leaves the circle outwards.
     """
 
     gains: Floats

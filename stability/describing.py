@@ -1,6 +1,6 @@
 """Limit cycles predicted by describing functions: the first harmonic of each nonlinearity.
 
-Friction at m1, f = -f_c sign(v), on an oscillation of amplitude A and frequency w: has the first
+For an oscillation of amplitude A and frequency w, friction at m1, f = -f_c sign(v), has the first
 harmonic of a damper b_f = 4 f_c / (pi A w). The loop with this damper added to b1 is marginal at
 some K: at that K, A is the amplitude of an unstable cycle. Starts below it come to rest, starts
 above grow.
@@ -11,8 +11,8 @@ N(A) = (4 D / (pi A)) sum_i sqrt(1 - ((2 i - 1) D / (2 A))^2), which is 0 up to 
 linear boundary for some N <= 4/pi.
 
 A saturation at u_max passes a command of amplitude U with N(U) = (2/pi)(asin r + r sqrt(1 - r^2)),
-r = u_max/U, from 1 down to 0. Beyond the boundary (N K, N B) comes back to it for a smaller N:
-there the growth ends in a stable cycle.
+r = u_max/U, from 1 down to 0. If (K, B) is beyond the boundary, (N K, N B) returns to it for a
+smaller N: there the growth ends in a stable cycle.
 
 Gelb & Vander Velde, Multiple-Input Describing Functions, 1968. Limits: the loop must filter out the
 higher harmonics, which the rigid body does and a mode near three times w does not; friction is
@@ -36,9 +36,9 @@ from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 QUANTISER_TOP = 4.0 / math.pi
-SLOWEST_HZ = 0.1  # amplitude below which no cycle of friction is sought
+SLOWEST_HZ = 0.1  # lowest frequency at which a cycle with friction is sought
 NEAR = 1e-4  # relative tolerance of the damper equivalent to friction
-FEW, MANY = 9, 97  # dampings of a grid: for one boundary, for a line of boundaries
+FEW, MANY = 9, 97  # dampings of a grid: for one boundary, and for a line of boundaries
 
 
 class PredictedCycle(NamedTuple):

@@ -31,7 +31,7 @@ from zwidth.stability.plane_theory import linear_radius
 if TYPE_CHECKING:
     from xarray import Dataset
 
-WHAT = ("map", "plane")  # kind and content of its folder
+WHAT = ("map", "plane")  # kind and content of a map's folder
 CHUNK = 512  # points per part: the most that each core loses if a run is stopped
 
 
@@ -124,7 +124,7 @@ def _finished(plane: Plane, x: Floats, y: Floats, fates: Fates, levels: int) -> 
 
 
 def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
-    """Return what identifies a map: two maps with equal descriptions are the same map."""
+    """Return the description that identifies a map: maps with equal descriptions are the same."""
     value = {
         "schema": 1,
         "device": device_to_text(plane.device),

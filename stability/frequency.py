@@ -20,7 +20,7 @@ from scipy.fft import next_fast_len, rfft
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
-FEWEST_TICKS = 8  # ticks of a quarter of a run, at least
+FEWEST_TICKS = 8  # least ticks in a quarter of a run
 PARTS = 8  # parts of the end of a run from which its growth is estimated
 ALIKE = 0.95  # growth of a peak over the largest growth
 

@@ -1,11 +1,11 @@
 """A hand that holds the device: mass, spring and damper to ground at the chain's last mass.
 
-The finger's values hold at its tip, so on a rotary device all three are multiplied by the square of
-the lever. The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian and
-R. D. Howe, Identification of the mechanical impedance at the human finger tip, J. Biomechanical
+The values are those at the fingertip, so on a rotary device all three are multiplied by the square
+of the lever. The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian
+and R. D. Howe, Identification of the mechanical impedance at the human finger tip, J. Biomechanical
 Engineering 119, 109-114, 1997): finger, forces and model agree with the abstract; the numbers have
-not yet been checked in the paper itself. At each damping the band of K_CR is over the corners and
-the middle of the ranges; the quantiles are over random hands, each property drawn independently and
+not yet been checked in the paper itself. The band of K_CR at a damping is over the corners and the
+middle of the ranges; the quantiles are over random hands, each property drawn independently and
 log-uniformly from its range. Limits: the grip is rigid, and the hand does not react.
 """
 
@@ -21,7 +21,7 @@ from zwidth.stability.linear import boundary
 
 
 class Hand(NamedTuple):
-    """Mass [kg], damping [N s/m] and stiffness [N/m] of a hand, where it holds the device."""
+    """Mass [kg], damping [N s/m] and stiffness [N/m] of a hand, at its grip on the device."""
 
     mass: float
     damping: float

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 STARTS = (
     1e-3,
     1e-4,
-)  # [rad | m]; the second finds cycles of play and steps near rest
+)  # [rad | m]; the smaller start finds cycles of play and steps near rest
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def judge_each(
 
 
 def prepared(device: Device, substeps: int) -> Member:
-    """Return a device as a member of an ensemble; raises ValueError for too few substeps."""
+    """Return a device prepared for an ensemble; raises ValueError for too few substeps."""
     one = member(device, substeps)
     if one.complaint is not None:
         raise ValueError(one.complaint)

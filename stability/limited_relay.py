@@ -12,8 +12,8 @@ Beyond the last stable B the linear loop has no reading. The limited loop has on
 the boundary, where K' falls steeply: B' is almost constant there, and the reading falls slowly with
 B.
 
-Limits: one harmonic. Of several cycles the one farthest out on the flank is returned: the one that
-the fast branch makes.
+Limits: one harmonic. Of several cycles, the one farthest out on the flank is returned, which
+belongs to the fast branch.
 """
 
 from collections.abc import Iterable
@@ -38,11 +38,11 @@ def limited_reading(device: Device, damping: float, ratio: float) -> LinearPoint
 def limited_boundary(device: Device, dampings: Iterable[float], ratio: float) -> list[LinearPoint]:
     """Return the K and frequency that a relay reads at each B; the limit is ratio times its force.
 
-    Departures are those of the linear boundary at the damping that the limit leaves. Raises
+    Departures are those of the linear boundary at the damping B' that the limit passes. Raises
     ValueError for a ratio that is not above 1.
     """
     if not ratio > 1.0:
-        raise ValueError(f"ratio is {ratio}; the amplifier must pass the relay itself: give > 1")
+        raise ValueError(f"ratio is {ratio}; it must be above 1, or the amplifier limits the relay")
     points = boundary(device, dampings)
     limited = [_passed(device, point, ratio) < 1.0 for point in points]
     top = corner(device) if any(limited) else None

@@ -11,7 +11,7 @@ the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. So th
 K -> 0. (A gain-margin routine gives a number even if K -> 0 is unstable.)
 
 Limits: a decay of less than `SETTLED` per tick counts as none at K -> 0, a growth of less than
-`ROUNDING` per tick counts as none anywhere.
+`ROUNDING` per tick counts as none at any K.
 """
 
 from collections.abc import Iterable

@@ -27,8 +27,8 @@ def run_parts(
 ) -> Generator[tuple[int, Fates]]:
     """Yield (number, fates) of every part: those in the store first, others as they finish.
 
-    parts: flat indices into the lattice of the axes (x, y). A part is in the store before it is
-    yielded. If far more parts are missing than there are cores, several parts form one task.
+    parts: flat indices into the lattice of the axes (x, y). A part is stored before it is yielded.
+    If far more parts are missing than there are cores, several parts form one task.
     """
     missing: list[int] = []
     for number, points in parts.items():

@@ -38,7 +38,7 @@ from zwidth.stability.velocity import filter_response, refuse_force
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64
-HILL = 17  # dampings of the first grid on which the largest passive K is sought
+HILL = 17  # dampings of the first grid in the search for the largest passive K
 
 
 class Band(NamedTuple):

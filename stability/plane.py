@@ -1,4 +1,4 @@
-"""A plane of two quantities of a wall and its device: the axes, and the values held fixed."""
+"""A plane of two quantities of a wall and its device: the axes, and the fixed values."""
 
 import math
 from collections.abc import Mapping
@@ -71,7 +71,7 @@ class Axis(Valued):
 
 @dataclass(frozen=True)
 class Plane(Valued):
-    """Two quantities to map on the axes, and the values of all others, in the device or here.
+    """Two quantities on the axes of a map, and the values of all others, here or in the device.
 
     stiffness, damping: of the wall, whose law is trial.law. On an axis, friction is the level of
     Coulomb friction at m1 [N m | N], and cutoff the velocity filter's [Hz]. one_sided: the wall
@@ -152,7 +152,7 @@ def is_friction_at_m1(physics: Physics) -> bool:
 
 
 def with_friction(device: Device, level: float) -> Device:
-    """Return the device with Coulomb friction of this level at m1 instead of what it has there."""
+    """Return the device with Coulomb friction of this level at m1, in place of its present one."""
     if level > 0.0:
         return device.with_physics(make_physics("coulomb_friction", "m1", level=level))
     present = any(is_friction_at_m1(p) for p in device.physics)

@@ -53,7 +53,7 @@ def _radius(matrix: Floats) -> float:
 
 @dataclass(frozen=True)
 class Line:
-    """A boundary in a plane: x, y (n,) in the order in which it is drawn; NaN breaks it."""
+    """A boundary in a plane: x, y (n,) in drawing order; NaN separates pieces."""
 
     name: str
     x: Floats
@@ -119,7 +119,7 @@ def _critical(plane: Plane, name: str, quantity: Quantity, value: float) -> floa
 
 
 def cycle_at_the_limit(plane: Plane, x: float, y: float) -> PredictedCycle | None:
-    """Return the cycle that the command limit alone makes at a point, by describing function."""
+    """Return the cycle that the command limit alone causes at a point, by describing function."""
     values = {plane.x.quantity: x, plane.y.quantity: y}
     at, device = plane.at(values), plane.device_at(values)
     alone = not device.physics and not device.interface.command_step and not at["encoder_step"]

@@ -3,7 +3,7 @@
 The lattice has 161 points a side. First every 16th point is run; then every 4th along changes of
 fate, so that a picture of 41 x 41 points has the right fates; then all other points of that
 picture, for quantities that vary within one fate; then the changes of fate again, down to single
-points. Between chunks of work the caller may stop, or draw the plane so far: points that were not
+points. Between chunks of work the caller may stop, or draw the result so far: points that were not
 run take their values from a corner of their cell.
 """
 
@@ -73,7 +73,7 @@ def sketch(plane: Plane, workers: int | None = None) -> Iterator[Sketch]:
         while first < points.size:
             some = points[first : first + chunk]
             began = time.perf_counter()
-            with np.errstate(over="ignore"):  # of runs that grow without end
+            with np.errstate(over="ignore"):  # runs may grow without bound
                 fates.put(some, evaluate(plane, x[some % size], y[some // size], workers))
             took = time.perf_counter() - began
             chunk = int(np.clip(some.size * CHUNK_S / max(took, 1e-6), FEWEST, MOST))

@@ -11,7 +11,7 @@ here, and confirmed it on a device).
 Each value has its own grid of dampings, up to a little beyond the last B that is stable by linear
 theory; the area is computed by trapezoids, in the time domain and by theory.
 
-Limits: with friction walls beyond the grid may be stable; the area leaves them out.
+Limits: with friction, walls beyond the grid may be stable; the area does not include them.
 """
 
 import math
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 Setting = Literal["cutoff", "period", "delay", "encoder_step", "velocity_ticks", "position_ticks"]
 DAMPINGS = 21
 BEYOND = 1.1  # end of a grid of dampings, over the last stable B
-ROUNDS = 2  # of refinement around the best
+ROUNDS = 2  # of refinement around the best value
 TOLERANCE = 5e-3
 WHOLE: tuple[Setting, ...] = ("velocity_ticks", "position_ticks")
 
@@ -110,7 +110,7 @@ class Step(Valued):
 
 @dataclass(frozen=True, repr=False)
 class Sweep(Shown):
-    """The Z-width of a device over a setting; steps in rising order of its value."""
+    """A device's Z-width as a function of a setting; steps in rising order of the setting."""
 
     device: Device
     setting: Setting
@@ -136,7 +136,7 @@ class Sweep(Shown):
 
     @property
     def without(self) -> Step | None:
-        """The step with the device's own value of the setting, None if that was not tried."""
+        """The step with the device's own value of the setting, None if this was not tried."""
         own = getattr(self.device.interface, SWEPT[self.setting].field)
         return next((step for step in self.steps if step.value == own), None)
 

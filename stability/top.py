@@ -1,23 +1,23 @@
 """What limits a boundary at its top, and how friction and steps change its height there.
 
-The force of a wall is late: its spring by half a sample of the hold and the delay, its damper also
+The force of a wall is late: its spring by the delay and half a sample of the hold, its damper also
 by half a sample of the backward difference and by the filter. As phase lags at the frequency of the
 oscillation in which the boundary ends,
 
     spring  360 f (T/2 + t_d)        damper  360 f (T + t_d) - arg(filter and estimator)
 
 in degrees; with two rates, T is the interval between new positions for the spring and between new
-velocities for the damper. A spring that lags by phi takes away the damping K sin(phi) / w; a damper
+velocities for the damper. A spring that lags by phi removes the damping K sin(phi) / w; a damper
 that lags by more than 90 degrees drives the motion. `branches.py` identifies the mode by following
 it from the device without a wall.
 
-The contribution of friction or of steps is the difference to the boundary of the same device
-without them, at the same B, from the same starts.
+The contribution of friction or of steps is the difference from the boundary of the same device
+without them, at the same B and from the same starts.
 
 Limits: modes are those of linear theory, of one rate and without force feedback; friction, play and
 limits may end a boundary elsewhere, in another oscillation, which has no mode's name. An estimator
-that is not linear has no phase lag and is tuned to the encoder's step, so it is not compared
-without the step.
+that is not linear has no phase lag and is tuned to the encoder's step, so no comparison without the
+step is made.
 """
 
 import math
@@ -36,7 +36,7 @@ from zwidth.stability.linear import corner, critical_stiffness, has_theory
 from zwidth.stability.velocity import filter_response
 
 BESIDE = 0.03  # distance of the two sides of the top from its B, over that B
-CLOSE = 1e-3  # of the B of the linear corner, where that is the top
+CLOSE = 1e-3  # of the linear corner's B: within this distance the corner is the top
 
 
 @dataclass(frozen=True)

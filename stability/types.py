@@ -22,7 +22,7 @@ class LinearPoint(Valued):
 
     @property
     def stable(self) -> bool:
-        """True where some K > 0 is stable."""
+        """Whether some K > 0 is stable."""
         return self.stiffness is not None
 
 
@@ -30,8 +30,8 @@ class LinearPoint(Valued):
 class Corner(Valued):
     """The highest point of a boundary: B_t, K_max, and the frequency on either side of B_t.
 
-    Where the two frequencies differ, two branches of eigenvalues meet there; where the boundary is
-    smooth they are equal.
+    If the two frequencies differ, two branches of eigenvalues meet there; if the boundary is
+    smooth, they are equal.
     """
 
     damping: float
@@ -44,7 +44,7 @@ class Corner(Valued):
 class PassivePoint(Valued):
     """The largest passive stiffness at a virtual damping B, None if no K > 0 is passive.
 
-    frequency_hz: where the criterion is met first; 0 for the limit of low frequency.
+    frequency_hz: frequency that limits the passive stiffness; 0 for the limit of low frequency.
     """
 
     damping: float

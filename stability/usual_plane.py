@@ -10,7 +10,7 @@ CUSTOMARY = {
     "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
     "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1), "cutoff": (5.0, 500.0),
 }  # fmt: skip
-RISING_BY_RATIOS = ("amplitude", "cutoff")  # ranges used by default
+RISING_BY_RATIOS = ("amplitude", "cutoff")  # quantities with logarithmic axes by default
 SUBSTEPS = 10  # per tick, with friction or other physics
 LIMIT_S = 16.0  # of the longest run
 
@@ -18,7 +18,7 @@ LIMIT_S = 16.0  # of the longest run
 def usual_axis(device: Device, quantity: Quantity, ratios: bool = False) -> Axis:
     """Return an axis around the linear boundary, or over the customary range of its quantity.
 
-    ratios: space the values by equal ratios even if the default is evenly.
+    ratios: space the values by equal ratios even if they are evenly spaced by default.
     """
     if quantity == "B":
         low, high = 0.0, 1.2 * (last_stable_damping(stand_in(device)) or 0.1)

@@ -39,7 +39,7 @@ def velocity_response(interface: Interface, z: Complexes) -> Complexes:
 
 
 def refuse_force(device: Device, what: str) -> None:
-    """Raise ValueError for a device with force feedback, which `what` does not include."""
+    """Raise ValueError for a device with force feedback, which `what` does not cover."""
     if device.interface.force_gain > 0.0:
         raise ValueError(
             f"force_gain is {device.interface.force_gain:g}, but {what} takes no force feedback:"

@@ -356,7 +356,7 @@ def test_a_machine_as_it_was_is_within_the_band_of_its_diagnosis():
 def test_the_band_reads_back_from_its_file(tmp_path: Path):
     save_device(banded(), tmp_path / "bench.toml")
     assert load_device(tmp_path / "bench.toml") == banded()
-    assert "rms of the free runs" in (tmp_path / "bench.toml").read_text()
+    assert "rms error of free runs" in (tmp_path / "bench.toml").read_text()
 
 
 @pytest.mark.parametrize(

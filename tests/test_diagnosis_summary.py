@@ -180,7 +180,7 @@ def test_how_sure_does_not_repeat_what_is_missing():
 
 @pytest.mark.parametrize(
     ("sigma", "said"),
-    [(7.0, 'record the excitation "fast"'), (2.4, "no excitation tried")],
+    [(7.0, 'record the excitation "fast"'), (2.4, "none of the excitations that were tried")],
 )
 def test_an_experiment_that_would_not_decide_is_not_recommended(sigma: float, said: str):
     """Mutation: five sigma not asked of it."""

@@ -86,7 +86,7 @@ def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_choices_that_exclude_each_other_are_refused() -> None:
-    with pytest.raises(ValueError, match="processes and a cluster are given; give one"):
+    with pytest.raises(ValueError, match="processes and a cluster are given; give only one"):
         executor("tcp://127.0.0.1:1", 2)
     with pytest.raises(ValueError, match="processes is 0; it must be a whole number of 1 or more"):
         executor(processes=0)

@@ -122,7 +122,7 @@ def test_the_nearest_rival_stands_with_its_distance():
     found = answer(replace(FRICTION, rivals=(BAND, near)))
     assert why(found) == (
         "the fit is only 1.2 sigma worse with a dead band in the command in place of Coulomb"
-        " friction; to tell two effects apart, 5 are required"
+        " friction; to tell two effects apart, 5 sigma are required"
     )
     other = Rival("coulomb_friction", "m2", 0.01)
     both = answer(replace(FRICTION, rivals=(other,)), replace(STOP, rivals=(near,)), masses=3)
@@ -189,7 +189,7 @@ def test_a_change_that_may_have_had_another_course_is_given_no_date():
     assert either.short.endswith("at the load (m2) rose by 430 mN s/m")
     assert either.sentence.endswith(
         "; a drift over time, settling, one recording unlike the others or another value in each"
-        " recording would explain it as well"
+        " recording would explain it equally well"
     )
     runs = change(RUN, as_well=(EACH,))
     assert runs.short.endswith("at the load (m2) is not constant")

@@ -75,5 +75,5 @@ def test_share_of_a_saturation() -> None:
 
 
 def test_a_limit_below_the_relay_is_refused() -> None:
-    with pytest.raises(ValueError, match="the amplifier must pass the relay itself"):
+    with pytest.raises(ValueError, match="or the amplifier limits the relay"):
         limited_reading(PHANTOM, 0.05, 1.0)

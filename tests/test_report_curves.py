@@ -222,4 +222,4 @@ def test_the_report_is_found_and_opened(
     assert "other.csv is not a report" in capsys.readouterr().err
     Path("cut.diagnosis.html").write_text("<title>Coulomb")
     assert cli.run(["report", "cut.diagnosis.html"]) == 2
-    assert "is not a whole report" in capsys.readouterr().err
+    assert "is not a complete report" in capsys.readouterr().err

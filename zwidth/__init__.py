@@ -54,7 +54,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 _package = _Path(__file__).parent
-if not (_package / "sim").is_dir():  # a clone without symbolic links, as Windows makes one
+if not (_package / "sim").is_dir():  # a clone without symbolic links, as on Windows
     __path__.append(str(_package.parent))  # the folders are beside this package
 
 from zwidth.shown import shown_by as _shown_by  # noqa: E402
@@ -151,7 +151,7 @@ if _TYPE_CHECKING:
     from zwidth.stability.types import Corner as Corner
     from zwidth.stability.types import LinearPoint as LinearPoint
 
-# name -> the module that it comes from; the same list as above, for the running program.
+# name -> its module; the same list as above, for the running program.
 HOMES = {
     "Annotation": "zwidth.logs.annotations",
     "Axis": "zwidth.stability.plane",

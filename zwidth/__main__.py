@@ -1,4 +1,4 @@
-"""Let ``python -m zwidth`` be the command ``zwidth``."""
+"""Run the command ``zwidth`` by ``python -m zwidth``."""
 
 from zwidth.cli import main
 

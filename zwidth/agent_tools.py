@@ -1,8 +1,8 @@
-"""What `zwidth mcp` offers to an agent: four questions, each asked of the command line.
+"""The tools that `zwidth mcp` offers to an agent: four commands of the command line.
 
-Each tool runs its command in a process of its own, so that a diagnosis neither blocks the server
-nor writes into its protocol, and ends when the agent cancels it. It returns the JSON of the
-command; of a diagnosis, the parts that an agent needs, and where the complete result is.
+Each tool runs its command in a separate process, so that a diagnosis neither blocks the server nor
+writes into its protocol, and ends when the agent cancels it. It returns the JSON of the command;
+for a diagnosis, the parts that an agent needs, and the path of the complete result.
 """
 
 import json

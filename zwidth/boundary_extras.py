@@ -17,7 +17,7 @@ from zwidth.stability.uncertainty import stiffness_band
 class Asked(NamedTuple):
     """The extras to show: passive walls; a hand at this lever [m], None for no hand; a covariance.
 
-    hands: how many are drawn, 0 for none; extremes: those of the hands' range.
+    hands: how many are drawn, 0 for none; extremes: the corners of the hands' range.
     """
 
     passive: bool = False

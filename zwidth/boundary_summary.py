@@ -18,8 +18,8 @@ from zwidth.stability.top import Ending as Seen
 from zwidth.stability.top import endings, lags, without_parts
 
 NONE = "-"
-CAUSES = (DELAY, FILTER, AMPLIFIER)  # modes that are no motion of the device
-CHANGES = 2e-3  # of K, up to which a part of the device changes nothing
+CAUSES = (DELAY, FILTER, AMPLIFIER)  # modes that are not motions of the device
+CHANGES = 2e-3  # of K: smaller contributions of a part count as none
 IN_N_PER_MM = 1000.0
 PART_NAMES = {
     "friction": "friction",
@@ -29,8 +29,8 @@ PART_NAMES = {
     "command_step": "the command's step",
     "command_limit": "the command's limit",
 }
-SAME = 0.1  # of a frequency, within which theory and simulation end in the same oscillation
-JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it is a jump
+SAME = 0.1  # of a frequency: tolerance for the same oscillation in theory and simulation
+JUMPS = 1.2  # ratio of the frequencies on both sides of the top that counts as a jump
 
 
 def stiffest(boundary: Boundary) -> Stiffest:
@@ -169,9 +169,9 @@ def _damping(value: float, rotary: bool) -> str:
 
 
 def say_stiffest(console: Console, result: BoundaryResult) -> None:
-    """Print a row a delay: K_max, its B, and the last B with a stable K; then theory's own top.
+    """Print a row per delay: K_max, its B, and the last B with a stable K; then the top by theory.
 
-    Theory's top may lie at another B, and so at another frequency, than the sentence's.
+    The top by theory may be at another B, and so at another frequency, than in the sentence.
     """
     force, length = ("N m", "rad") if result.rotary else ("N", "m")
     unit = f"{force}/{length}"

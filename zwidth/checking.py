@@ -1,26 +1,26 @@
 """Whether a device file still describes its machine: its free runs against the band in its file.
 
-Each recording is judged by itself (`diagnosis.answer.band`). One that is within as it is needs no
-search for wrong signs and the like. If one is outside, the parameters of the device, including its
-delay, are fitted again to the recordings outside (no effects are searched for), and the fewest
-changes that explain the fit are reported. Near the fitted x the cost is (x - x_fit)' H (x - x_fit),
-where H is the inverse of the covariance of x, so the share that any subset explains, with the
-others as in the file, follows by algebra. This form holds only near the fitted x, so if the best
-subset fails, the next ones are fitted too and the real costs decide. Free runs then show whether
-these changes alone bring the recording back within the band; only then are they named. If no change
-explains all recordings outside, each is fitted by itself.
+Each recording is judged by itself (`diagnosis.answer.band`). If it is within the band as recorded,
+wrong signs and similar faults are not searched for. If one is outside, the parameters of the
+device, including its delay, are fitted again to the recordings outside (no effects are searched
+for), and the fewest changes that explain the fit are reported. Near the fitted x the cost is (x -
+x_fit)' H (x - x_fit), where H is the inverse of the covariance of x, so the share that any subset
+explains, with the others as in the file, follows by algebra. This form holds only near the fitted
+x, so if the best subset fails, the next ones are fitted too and the real costs decide. Free runs
+then show whether these changes alone bring the recording back within the band; only then are they
+named. If no change explains all recordings outside, each is fitted by itself.
 
-What is fitted is limited in total, so that many or long recordings take no longer: an even share of
-each, from the beginning of its motion. (A state in the midst of motion is known less well.) What is
-named is verified on the whole of each.
+The amount of fitted data is limited, so that many or long recordings take no longer: an equal share
+of each, from the beginning of its motion. (During motion the initial state is less certain.) Named
+changes are verified on all of each recording.
 
-The parameters in the file are themselves uncertain, and another motion may ask more of them than
+The parameters in the file are themselves uncertain, and another motion may depend on them more than
 the held-out data did. So before a recording is called outside, the band is widened by the errors
 that the file's posterior implies for this recording (`_widened`).
 
-A reading that is finer than the band's noise (one without noise, or of a simulation) gets the
-missing noise for the fit. Without it, -2 log likelihood counts errors far below those that the band
-allows: the form is then too narrow to hold over a change of a few percent.
+If a reading has less noise than the band (a simulation, for example), the missing noise is added
+for the fit. Without it, -2 log likelihood counts errors far below those that the band allows: the
+form is then too narrow to hold over a change of a few percent.
 """
 
 import math
@@ -60,25 +60,25 @@ from zwidth.sim.readable import percent, with_unit
 
 Floats = NDArray[np.float64]
 Simulate = Callable[[Experiment, Band], Windows]
-"""What runs another simulator freely over the windows of a recording."""
-FITTED = 50_000  # ticks that are fitted to, times parameters: a check is to end in ten seconds
-LEAST = 1000  # ticks of a recording that are fitted to; fewer recordings rather than fewer ticks
-LOOKED = 4000  # ticks that are searched for wrong signs and the like
-ALONE = 4  # recordings that are fitted by themselves, at most
-ORIGINS = 10_000  # ticks that the origins of a recording are fitted to
+"""Returns free runs of another simulator over the windows of a recording."""
+FITTED = 50_000  # ticks times parameters of a fit, so that a check takes ten seconds
+LEAST = 1000  # least ticks fitted of a recording; rather fewer recordings than fewer ticks
+LOOKED = 4000  # ticks that are searched for wrong signs and similar faults
+ALONE = 4  # most recordings that are fitted by themselves
+ORIGINS = 10_000  # ticks to which the origins of a recording are fitted
 MOST = 3  # changes listed in a sentence
-TRIED = 3  # single changes that are fitted, if the best by the quadratic form does not explain it
-DIGITS = 2  # of a change, at most
-SEED = 0  # of the noise that a reading without noise gets
-CLEAR = 9.0  # cost that one must explain
+TRIED = 3  # single changes that are fitted if the best one by the quadratic form fails
+DIGITS = 2  # most digits of a change
+SEED = 0  # of the noise that is added to a reading without noise
+CLEAR = 9.0  # least cost that a change must explain
 ENOUGH = 0.05  # share of the error that may be left unexplained
-TELLING = 3.0  # times its noise, that an output must move by to say anything
-STEP, TURNS = 1e-3, 12  # in x, of slopes; of the fit of what changed
-DRAWS = 12  # of the posterior
-FEWEST, FAR = 3, 3.0  # draws that suffice where the error is so many times what they may imply
-HOPELESS = 3.0  # of errors over what explains them, with all parameters free: no two explain them
-TURN = 0.3  # rad, one unit of x: a share of an angle near zero would be none at all
-WIDE = 10.0  # standard deviations of a parameter, one unit of x at least
+TELLING = 3.0  # least motion of a useful output, over its noise
+STEP, TURNS = 1e-3, 12  # in x, for slopes; most turns of the fit of changes
+DRAWS = 12  # number of draws from the posterior
+FEWEST, FAR = 3, 3.0  # draws that suffice if the error is this many times what they imply
+HOPELESS = 3.0  # ratio of errors with all parameters free to explained ones: no two explain them
+TURN = 0.3  # rad, one unit of x: a relative unit would vanish for an angle near zero
+WIDE = 10.0  # least standard deviations of a parameter in one unit of x
 ONSET = 0.01  # of the largest deviation from the first sample: motion has begun
 DELAY = "loop_delay"
 NO_CHANGE = (
@@ -121,7 +121,7 @@ class Output(Valued):
 
 @dataclass(frozen=True)
 class Recording(Valued):
-    """The check of one recording. news: faults of it that the diagnosis had not reported."""
+    """The check of one recording. news: its faults that the diagnosis did not report."""
 
     name: str
     outputs: tuple[Output, ...]
@@ -143,7 +143,7 @@ class Recording(Valued):
 class Changed(Valued):
     """A parameter of the device whose value has changed. half_width: of its 95 % interval.
 
-    recording: the one in which it has; "" if it is the same change in all that are outside.
+    recording: the one in which it changed; "" for the same change in all that are outside.
     """
 
     name: str
@@ -320,8 +320,8 @@ def rebased(
 ) -> Device:
     """Return a device whose band is computed from the errors of free runs on these recordings.
 
-    simulate: as `check` takes it; simulator: what it is, with its version ("MuJoCo 4.0.0"), which
-    the band keeps. Raises as `check`, and ValueError for fewer than two windows.
+    simulate: as in `check`; simulator: its name with its version ("MuJoCo 4.0.0"), stored in the
+    band. Raises as `check`, and ValueError for fewer than two windows.
     """
     band = device.band
     if band is None:
@@ -354,7 +354,7 @@ def _read(name: str, stretches: Sequence[Experiment], run: "_Runs") -> tuple[_Ta
     odd = said_once([fault for e in stretches for fault in oddities(device, e)])
     as_is = _Taken(name, tuple(stretches), tuple(odd))
     judged_as_is = None
-    with suppress(ValueError):  # it may have to be read otherwise, as counts
+    with suppress(ValueError):  # it may have to be read differently, as counts
         judged_as_is = _judged(as_is, run, run)
         if all(o.within for o in judged_as_is.outputs):
             return as_is, judged_as_is
@@ -590,7 +590,7 @@ def _changes(outside: Sequence[_Taken], own: _Runs, fitted: int) -> tuple[Change
         for way in ways:
             x, cost = _fitted(h, nominal, [*told, way])
             excess = off(x, *on_parts)
-            if parted and excess < HOPELESS:  # the whole decides
+            if parted and excess < HOPELESS:  # the whole recording decides
                 excess = off(x, *on_all)
             tried.append((cost, [*told, way], x, excess))
             if excess <= 1.0:

@@ -1,4 +1,4 @@
-"""The command `zwidth`: loads the command asked for, and turns every error into one sentence."""
+"""The command `zwidth`: loads the requested command, and turns every error into one sentence."""
 
 import os
 import signal
@@ -18,18 +18,18 @@ from zwidth.files import protection
 from zwidth.heartbeat import HEART
 from zwidth.sim.own_files import own_files, own_texts
 
-# Matrices here are small: threads of the linear algebra library only get in the way of ours. It
-# reads this when numpy is first imported, which is later than here.
+# Matrices are small here, so threads of the linear algebra library only slow down zwidth's own. The
+# library reads this when numpy is first imported, which happens later.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
+# name -> its line in the help. A command is the object `command` in zwidth/commands/NAME.py and is
 # imported when it is called, so that help does not wait for numpy, numba and matplotlib.
 COMMANDS = {
     "diagnose": "Compare recordings of a device with its simulation, and find the missing physics.",
     "check": "Check whether a device file still describes its machine, for automatic builds.",
     "report": "Find the report of a diagnosis, and open it with --open.",
     "watch": "Diagnose a log while it is being written.",
-    "convert": "Show what a recorded file holds, draft its description, or convert it.",
+    "convert": "Show what a recorded file contains, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
     "plan": "Predict which effects a recording would show, before you make it.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
@@ -44,7 +44,7 @@ COMMANDS = {
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
     "devices": "List the devices that come with zwidth, or describe one.",
-    "export": "Write a device in another simulator's format, and list what it cannot hold.",
+    "export": "Write a device in another simulator's format, and list the parts that are lost.",
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
@@ -54,7 +54,7 @@ COMMANDS = {
     ),
 }
 
-# name -> a line that runs in a clone, in this order: later ones take what earlier ones wrote.
+# name -> a line that runs in a clone, in this order: later lines use the files of earlier ones.
 EXAMPLES = {
     "diagnose": "zwidth diagnose docs/sample/bench.csv",
     "check": "zwidth check runs/bench.augmented.toml docs/sample/bench.csv",
@@ -78,7 +78,7 @@ EXAMPLES = {
     "mcp": "zwidth mcp",
     "paper": "zwidth paper --section modes",
 }
-# name -> the command whose example writes what its own example takes.
+# name -> the command whose example writes the input of its own example.
 FIRST = {
     "check": "diagnose",
     "report": "diagnose",
@@ -93,11 +93,11 @@ class CommandsByName(click.Group):
     """A group whose commands are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the commands in the order in which one meets them."""
+        """Return the commands in the order of their usual use."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command, or return None if there is none of that name."""
+        """Import the command, or return None if there is none with this name."""
         if cmd_name not in COMMANDS:
             return None
         own_effects_finite()
@@ -145,7 +145,7 @@ def zwidth(context: click.Context) -> None:
 
 
 def own_effects_finite() -> None:
-    """Raise ValueError for a formula of the user's own that no import would get through."""
+    """Raise ValueError for a user's formula that would make the import fail."""
     if texts := own_texts():
         from zwidth.files.formulas import refuse_endless_file
 
@@ -154,9 +154,9 @@ def own_effects_finite() -> None:
 
 
 def own_effects_readable() -> None:
-    """Raise ValueError for a file of an effect of the user's own that is not as it must be."""
+    """Raise ValueError for an invalid file of a user's own effect."""
     if not own_files():
-        return  # and nothing more is imported for it
+        return  # and nothing more is imported
     from zwidth.sim.physics import WRONG_FILES
 
     if WRONG_FILES:
@@ -164,10 +164,10 @@ def own_effects_readable() -> None:
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line and return its exit status; `None` reads the one of this process.
+    """Run a command line and return its exit status; `None` uses the arguments of this process.
 
-    Whatever goes wrong is one line on standard error. With ZWIDTH_DEBUG=1 in the environment the
-    exception is let through instead.
+    Any error is one line on standard error. With ZWIDTH_DEBUG=1 in the environment the exception
+    propagates instead.
     """
     warnings.showwarning = _one_line_warning
     with _terminable() as terminated:
@@ -190,7 +190,7 @@ def _terminable() -> Generator[Callable[[], bool]]:
         raise KeyboardInterrupt
 
     if current_thread() is not main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield came.is_set  # no signal reaches another thread; who handles it already knows better
+        yield came.is_set  # signals reach only the main thread; existing handlers are kept
         return
     signal.signal(signal.SIGTERM, interrupted)
     try:
@@ -203,7 +203,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         status = zwidth.main(arguments, prog_name="zwidth", standalone_mode=False)
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of our output has gone, as in `zwidth devices | head -1`
+    except BrokenPipeError:  # the reader of the output has ended, as in `zwidth devices | head -1`
         _silence(sys.stdout)
         return Status.FAILED
     except click.exceptions.NoArgsIsHelpError as error:
@@ -221,7 +221,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def main() -> NoReturn:
     """Run the command line of this process."""
-    if len(sys.argv) > 1 and HELP.isdisjoint(sys.argv[1:]):  # help is short, and no work
+    if len(sys.argv) > 1 and HELP.isdisjoint(sys.argv[1:]):  # help is short and does no work
         HEART.start()
     try:
         status = run()

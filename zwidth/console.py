@@ -17,11 +17,11 @@ from zwidth.files.protection import check
 from zwidth.files.whole import json_text, write_text
 from zwidth.heartbeat import HEART
 
-PLAIN_LINE_EVERY = 3.0  # [s], if progress is written to a file and not to a terminal
+PLAIN_LINE_EVERY = 3.0  # [s] between lines of progress without a terminal
 PLAIN_WIDTH = 160  # columns, without a terminal
-APART = 2  # columns of space beside a column of a table
-LONGEST_NAME = 34  # characters of a name that is kept on one line in a table
-GLUE = "\ue000"  # stands for a space within a unit while text is wrapped
+APART = 2  # spaces between columns of a table
+LONGEST_NAME = 34  # characters of a name that stays on one line in a table
+GLUE = "\ue000"  # replaces spaces within units while text is wrapped
 UNIT = re.compile(
     r"(?:(?<![\w.])[-+\u00b1]?\d[\d.]*(?:e-?\d+)? )?"
     r"(?<!\w)(?:[n\u00b5mkM]?(?:N|V|A|J|W)|k?g|m?rad|[n\u00b5mk]?m|[n\u00b5m]?s|k?Hz|counts|%)"
@@ -55,12 +55,12 @@ class Console:
         return sys.stderr if self.json == "-" else sys.stdout
 
     def say(self, text: str = "") -> None:
-        """Write a line for people, on a terminal wrapped at words."""
+        """Write a line for people; on a terminal it is wrapped at words."""
         HEART.said()
         print(wrapped(text, self.stream), file=self.stream)
 
     def show(self, text: str) -> None:
-        """Write text as it is, such as a file to be copied."""
+        """Write text unchanged, such as a file to be copied."""
         HEART.said()
         print(text, file=self.stream)
 
@@ -112,7 +112,7 @@ class Console:
             return
         widest = [max(map(len, cells), default=0) for cells in every]
         widths = fitted(widest, least, room - APART * len(used))
-        box, padding = (SIMPLE_HEAD, (0, 0, 0, 1)) if terminal else (None, (0, 1))  # two wide, both
+        box, padding = (SIMPLE_HEAD, (0, 0, 0, 1)) if terminal else (None, (0, 1))  # both two wide
         table = Table(box=box, padding=padding, pad_edge=False)
         for i, width in zip(used, widths, strict=True):
             justify = "right" if columns[i].number else "left"
@@ -121,7 +121,7 @@ class Console:
             table.add_row(*(row[i] for i in used))
         writer = Terminal(
             file=self.stream,
-            width=max(room, sum(widths) + APART * len(used)),  # or it would cut off cells
+            width=max(room, sum(widths) + APART * len(used)),  # else cells would be cut off
             markup=False,
             emoji=False,
             highlight=False,
@@ -134,7 +134,7 @@ class Console:
     def will_write(self, *files: Path) -> None:
         """Refuse, before any work is done, if these files or the JSON may not be written.
 
-        Called after the inputs are read, with every result whose name is known by then. Raises
+        Called after the inputs are read, with every result whose name is already known. Raises
         Protected.
         """
         asked = [] if self.json in (None, "-") else [Path(self.json)]
@@ -145,7 +145,7 @@ class Console:
         if self.json is None or self.json == "-":
             return
         path = Path(self.json)
-        if path.is_file() or not path.exists():  # a pipe takes one result
+        if path.is_file() or not path.exists():  # a pipe gets only one result
             write_text(path, json_text(value))
 
     def result(self, value: Any) -> None:
@@ -172,12 +172,12 @@ def wrapped(text: str, stream: TextIO) -> str:
 
 
 def glued(text: str) -> str:
-    """Return text whose units stay with their number and in one piece where it is wrapped."""
+    """Return text in which wrapping does not separate units from numbers or split them."""
     return UNIT.sub(lambda found: found[0].replace(" ", GLUE), text)
 
 
 def hanging(head: str, text: str) -> str:
-    """Return a head with text beside it, wrapped between words to the terminal's width."""
+    """Return a head with text beside it, wrapped at words to the terminal's width."""
     width = shutil.get_terminal_size().columns
     return textwrap.fill(
         glued(text), width, initial_indent=head, subsequent_indent=" " * len(head),
@@ -200,7 +200,7 @@ def narrowest(columns: Sequence[Sequence[str]]) -> list[int]:
 
 
 def fitted(widest: Sequence[int], least: Sequence[int], room: int) -> list[int]:
-    """Return widths of columns that take no more room: the widest give way first.
+    """Return widths of columns that fit into the room: the widest shrink first.
 
     No column gets narrower than `least`, so the sum is larger than `room` if that of `least` is.
     """
@@ -216,7 +216,7 @@ def fitted(widest: Sequence[int], least: Sequence[int], room: int) -> list[int]:
 
 @contextmanager
 def progress(doing: str, total: int) -> Generator[Advance]:
-    """Show how far long work has come, on standard error.
+    """Show the progress of long work on standard error.
 
     Yields ``advance(steps=1, now="")``; `now` describes the current step. A terminal gets a bar
     with the remaining time, anything else a plain line every few seconds.

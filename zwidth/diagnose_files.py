@@ -58,7 +58,7 @@ from zwidth.sim.trace import Trace
 if TYPE_CHECKING:
     from zwidth.stability.augmented_boundary import AugmentedBoundary
 
-# What is written beside the logs: NAME.diagnosis.html, ...
+# Endings of the files written beside the logs: NAME.diagnosis.html, ...
 WHEN = ("before", "refit", "after")
 RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
 
@@ -81,16 +81,16 @@ def diagnose_files(
     interrupted.
     """
     _refuse_fitted(recordings, validate)
-    known = None if name is None else load_device(name)  # what is wrong with it is said at once
+    known = None if name is None else load_device(name)  # its errors are reported at once
     arms = _arms(*robot, known)
-    joint = robot[1] if robot[0] is None else None  # of a table with several, not of a model
+    joint = robot[1] if robot[0] is None else None  # of a table with several joints, not of a model
     doubts: list[str] = []
     every = (*recordings, *validate)
     HEART.begins("reading the recordings")
     read = {path: described(console, path, out, joint, doubts) for path in every}
     compiled()
     with ExitStack() as scales, collecting(console.warn) as mishaps:
-        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of numpy: 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
             scales.enter_context(counted_in(*unscaled([trace for _, trace in fitted_to])))
             fresh, file = False, Path(name or "")
@@ -100,7 +100,7 @@ def diagnose_files(
                 file, known, fresh = device_of(console, named, out)
             device, name = known, name or str(file)
             if fresh and wall is None:
-                wall = False  # who has no device file yet has not asked about walls
+                wall = False  # without a device file, walls were not requested
             assumed = tuple(dict.fromkeys(doubts))
             asked = Asked(console, recordings, read, device, name, out, line, wall, assumed)
             fit_on = _stretches(fitted_to, device)
@@ -141,9 +141,9 @@ def _timed(console: Console) -> Callable[[str], None]:
 class Asked:
     """The inputs of a diagnosis, and the folder for its results.
 
-    read: what each recording is read from; name: of the device, as it was given or made; line: the
-    line that asks again. wall: whether to say what becomes of the stiffest wall; None for where the
-    device may render one. assumed: what was assumed of the files, in sentences.
+    read: the file from which each recording is read; name: of the device, given or made; line: the
+    command line to repeat. wall: whether to compute the stiffest wall; None: if the device may
+    render one. assumed: the assumptions about the files, in sentences.
     """
 
     console: Console
@@ -190,7 +190,7 @@ def _answer(
     try:
         files.logs = _logs(asked, found, [(asked.read[path], log) for path, log in logs])
         with isolated("next experiment"):
-            from zwidth.planning.separating import separating  # not needed where nothing is found
+            from zwidth.planning.separating import separating  # not needed if nothing is found
 
             found = replace(found, next_experiment=separating(found, asked.file("next.toml")))
             if found.next_experiment is not None:
@@ -276,7 +276,7 @@ def _fail_for_what_is_not_written(mishaps: Mishaps) -> None:
     for mishap in mishaps.of("augmented device", "log", "report"):
         if isinstance(mishap.cause, OSError):
             raise mishap.cause
-        raise click.ClickException(f"a file of the answer was not written: {mishap.sentence}")
+        raise click.ClickException(f"a file with results was not written: {mishap.sentence}")
 
 
 def _unanswered(asked: Asked, end: NotDiagnosed, mishaps: Mishaps) -> click.ClickException:
@@ -322,8 +322,8 @@ def _distinct(stems: Sequence[str]) -> list[str]:
 def may_render(device: Device, experiments: Sequence[Experiment]) -> bool:
     """Whether a rig may render a virtual wall at all.
 
-    A wall needs a loop of 200 Hz at least, a force that is commanded and not made by a
-    servo's own loop or prescribed as a motion, and the position of the mass that it acts on.
+    A wall needs a loop of at least 200 Hz, a force that is commanded directly (not by a servo's own
+    loop or a prescribed motion), and the position of the mass on which it acts.
     """
     asked = [e.command for e in experiments if e.pushed is None]
     driven = any(np.ptp(command) > 0.0 for command in asked)
@@ -407,7 +407,7 @@ def _arms(
     from zwidth.export.known_torque import with_known_torque
     from zwidth.export.read_joint import joint_of
 
-    joint_of(model, joint)  # what is wrong with it is said at once
+    joint_of(model, joint)  # its errors are reported at once
 
     def add(console: Console, traces: Traces) -> Traces:
         found: Traces = []
@@ -457,7 +457,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         console.say(f"changes over time: {change}")
     for event in found.events:
         console.say(f"happened once: {event.sentence}")
-    for doubt in assumed:  # an answer is as right as these are
+    for doubt in assumed:  # the answer depends on these
         console.say(f"assumed: {doubt}")
     for caution in found.cautions:
         console.warn(caution)
@@ -509,7 +509,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
 
 
 def found_lines(found: Diagnosis) -> list[str]:
-    """Each effect with its sigma, and below it a line for each of its parameters."""
+    """Return each effect with its sigma, and below it a line for each of its parameters."""
     wide = max((len(own_parameter(n)) for f in found.findings for n in f.parameters), default=0)
     lines: list[str] = []
     for f in found.findings:

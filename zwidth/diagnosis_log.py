@@ -1,4 +1,4 @@
-"""A diagnosis as a trace in the recording's own time: predictions, residuals, force, marks."""
+"""A diagnosis as a trace over the recording's own time: predictions, residuals, force, marks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 class Explained:
     """A fitted model on one recording: innovations and free-run errors (ticks, o).
 
-    Samples without a prediction (the observer settles, a free run's state is sought) are NaN.
+    Samples without a prediction (while the observer settles, or before a free run) are NaN.
     """
 
     innovation: Floats
@@ -51,13 +51,13 @@ def diagnosis_trace(
 ) -> Trace:
     """Return the trace of one recording, whole; `logs.write_log` writes it as an MCAP.
 
-    refit: without what was found, final: with it; before: model and x of the device file. place:
-    where the missing force is sought, a mass ("m2") or a link ("link12"); a force in command or
-    sensor counts as one at m1. start_s: time of the first sample. marks: what is said of stretches
-    of time. Channels: `command`, `missing_force_PLACE`; for every output `NAME` as it was taken
-    and, with `before_`, `refit_` and `found_` each, `found_NAME` predicted one step ahead,
-    `found_free_NAME` as free runs and `found_residual_NAME`; for every mark its severity while it
-    lasts (2 info, 3 warning, 4 error) and zero elsewhere.
+    refit: without the found effects, final: with them; before: model and x of the device file.
+    place: of the missing force, a mass ("m2") or a link ("link12"); a force in command or sensor
+    counts as one at m1. start_s: time of the first sample. marks: annotations of stretches of time.
+    Channels: `command`, `missing_force_PLACE`; for every output `NAME` as recorded and, with each
+    of `before_`, `refit_` and `found_`, `found_NAME` predicted one step ahead, `found_free_NAME` in
+    free runs and `found_residual_NAME`; for every mark its severity while it lasts (2 info, 3
+    warning, 4 error) and zero elsewhere.
     """
     force, length = ("N m", "rad") if rotary else ("N", "m")
     entry = place if place_at(place).kind in ("mass", "link") else "m1"

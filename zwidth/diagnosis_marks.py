@@ -18,8 +18,8 @@ Mark = tuple[float, float, Severity, str, Mapping[str, str]]
 def marks_of(found: Diagnosis, e: Experiment, first_s: float) -> list[Annotation]:
     """Return the annotations of one stretch of a recording, in the recording's own time.
 
-    first_s: time of the recording's first sample [s]. Of what lasts all the time the whole stretch
-    is marked. Names are mark_1, mark_2 ..., which the log's channels have, too.
+    first_s: time of the recording's first sample [s]. Findings that last all the time mark the
+    whole stretch. Names are mark_1, mark_2 ..., as of the log's channels.
     """
     begins, ends = e.begins, e.begins + (e.ticks - 1) * e.period
     kept: list[Mark] = []
@@ -41,7 +41,7 @@ def _marks(found: Diagnosis, e: Experiment) -> Iterator[Mark]:
             severity = "error" if fault.wrong else "info"
             yield *always, severity, fault.sentence, {"fault": fault.kind}
     for finding in found.findings:
-        # Short, as PlotJuggler keeps no text of more than 100 characters; sizes are details.
+        # Short: PlotJuggler drops texts of more than 100 characters; sizes are in the details.
         missing = f"missing: {effect_at(found, finding.effect, finding.at)}"
         yield *always, "warning", missing, _details(finding)
     for change in found.changes:
@@ -81,8 +81,8 @@ def _dense(found: Diagnosis) -> Iterator[Mark]:
         part = [s for s in dense if start <= s["from"] < after]
         share = sum(float(s["share"]) for s in part)
         text = (
-            f"{100.0 * share:.0f} % of the prediction error of the refitted device lies here, in"
-            f" {100.0 * even * len(part):.0f} % of the time"
+            f"this {100.0 * even * len(part):.0f} % of the time has {100.0 * share:.0f} % of the"
+            " prediction error of the refitted device"
         )
         begins = fitted[0].begins
         yield begins + start, begins + float(part[-1]["to"]), "info", text, {}

@@ -1,4 +1,4 @@
-"""The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
+"""The report of a diagnosis as one HTML file: the verdict first, all pictures inside the file."""
 
 import json
 import math
@@ -67,7 +67,7 @@ WORDS = {
     "undecided": "Undecided",
 }
 NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b")
-RIVALS = 6  # of a finding that are listed
+RIVALS = 6  # listed rivals of a finding
 HELD = {
     "held out": (
         "data kept out of it: the last 30 % of each recording, or the recordings of --validate"
@@ -82,9 +82,9 @@ class Commands:
     """Command lines and files for the next steps of a report's reader.
 
     again: computes the report again; explore: opens both devices side by side; improved: the path
-    of the improved device, "" if none was written; device: the path or name of the device that
-    the recordings were compared with; read: the file that says how each recording was read;
-    assumed: what that assumes because the recordings do not say it.
+    of the improved device, "" if none was written; device: the path or name of the device that the
+    recordings were compared with; read: the file that says how each recording was read; assumed:
+    what this file assumes because the recordings do not state it.
     """
 
     again: str
@@ -105,9 +105,9 @@ def save_report(
 ) -> Path:
     """Write the report; boundary: the stiffest wall before and after. Returns the path.
 
-    drawn: the pictures of an earlier report of the diagnosis, which are taken, and to which new
-    ones are added. A picture that fails is left out and named. Those of the smallest events and
-    changes are left out where the file would become larger than `WHOLE`.
+    drawn: the pictures of an earlier report of the diagnosis, which are used again, and to which
+    new ones are added. A picture that fails is left out and named. Pictures of the smallest events
+    and changes are left out if the file would become larger than `WHOLE`.
     """
     top = max(diagnosis.located.maps, key=lambda m: m.gained, default=None)
     curves: list[dict[str, Any]] = []
@@ -195,10 +195,10 @@ def save_unanswered(
     return write_text(path, text)
 
 
-NARROW = " narrow"  # after the name of a picture, for the one that a phone shows
+NARROW = " narrow"  # suffix of a picture's name for its version on phones
 PICTURES = ("motion", "missing force", "residual", "friction", "law", "force", "boundary")
 WHOLE = 3_000_000  # characters of a report, so that it can be sent by mail
-TEXT = 200_000  # of these, for all that is neither a picture nor a curve
+TEXT = 200_000  # of these for everything that is neither a picture nor a curve
 
 
 def _pictures(
@@ -209,7 +209,7 @@ def _pictures(
     Of events and changes, those with the largest gain, as far as all pictures have `room`; the
     others are "" in `drawn`, too.
     """
-    # matplotlib is loaded here and no earlier: what fails before needs no picture.
+    # matplotlib is loaded only here: earlier failures need no picture.
     from zwidth.figures import diagnosis as figures
     from zwidth.figures.narrow import narrow_bytes
     from zwidth.figures.style import picture_bytes
@@ -330,7 +330,7 @@ def changes_in_words(found: Diagnosis) -> list[str]:
 
 
 def verdict_line(diagnosis: Diagnosis) -> str:
-    """The verdict by its name, the effects as device files write them, and what is not yet said."""
+    """The verdict by its name, the effects as in device files, and what was not yet mentioned."""
     names = ", ".join(f"{f.effect} at {f.at}" for f in diagnosis.findings)
     line = f"Verdict: {diagnosis.verdict.value}" + (f" ({names})" if names else "")
     if diagnosis.verdict in (Verdict.IDENTIFIED, Verdict.NOTHING_MISSING):
@@ -349,7 +349,7 @@ def in_words(text: str) -> str:
 
 
 def masses_of(diagnosis: Diagnosis) -> int:
-    """How many masses the device has."""
+    """Return the number of masses of the device."""
     return diagnosis.device.chain.masses.size
 
 
@@ -473,10 +473,10 @@ def _sigma(value: float) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital at its start, unless that is the name of a channel."""
+    """Return text with a capital first letter, unless it begins with the name of a channel."""
     return text if "_" in text.split(" ", 1)[0] else text[:1].upper() + text[1:]
 
 
 def estimate(value: Estimate) -> str:
-    """A value with its interval, in a unit that a person uses."""
+    """Return a value with its interval, in a convenient unit."""
     return interval(value.value, value.lower, value.upper, value.unit)

@@ -1,4 +1,4 @@
-"""The first screen of a report: what is missing, how sure, what it is worth, what to do now."""
+"""The first screen of a report: what is missing, how sure, its worth, and what to do now."""
 
 import math
 
@@ -10,7 +10,7 @@ from zwidth.sim.readable import most, of_the_motion, percent, plain, with_unit
 
 ENOUGH = VERDICT.apart
 LISTED = 3  # effects in a title
-BETTER = 1.02  # times smaller an error has to become to be called better; as many larger, worse
+BETTER = 1.02  # least factor by which an error is called better or worse
 SHORT = "error of short free runs on held-out data"
 TITLES = {
     Verdict.NOTHING_MISSING: "This recording shows no missing physics",
@@ -49,7 +49,7 @@ def title(found: Diagnosis) -> str:
 
 
 def whereabouts(found: Diagnosis) -> str:
-    """Say what the missing force depends on; "" where the effects found say it better.
+    """Say what the missing force depends on; "" if the found effects say it better.
 
     The search for that force uses the refitted device without effects.
     """
@@ -59,9 +59,9 @@ def whereabouts(found: Diagnosis) -> str:
 
 
 def how_sure(found: Diagnosis, sentence: str) -> str:
-    """Say how certain the answer is, by the least certain of its effects. sentence: the verdict's.
+    """Say how certain the answer is, by its least certain effect. sentence: of the verdict.
 
-    Without a full stop, as the others. Does not repeat what the headline says; may be "".
+    Without a full stop, like the others. Does not repeat the headline; may be "".
     """
     if found.verdict is not Verdict.IDENTIFIED or not found.findings:
         if sentence.lower() not in found.headline.lower():
@@ -99,13 +99,13 @@ def _explained(found: Diagnosis) -> str:
 
 
 def law_errors(found: Diagnosis) -> tuple[float, float] | None:
-    """Errors of short free runs with and without the law that has no name; None without a law."""
+    """Errors of short free runs with and without the learned law; None without a law."""
     learned = found.learned
     return None if learned is None else (learned.law.after, learned.names.after)
 
 
 def no_better(found: Diagnosis) -> bool:
-    """Whether free runs on held-out data gain nothing from what was added, or from the refit."""
+    """Whether free runs on held-out data gain nothing from the added effects, or from the refit."""
     after, before = _compared(found)
     return 0.0 < before <= BETTER * after < math.inf
 
@@ -119,8 +119,8 @@ def _compared(found: Diagnosis) -> tuple[float, float]:
 
 
 def worse_runs(found: Diagnosis) -> str:
-    """Say which whole run got worse than with the device file, the worst of them; "" for none."""
-    if found.verdict is Verdict.NOTHING_MISSING:  # nobody is to use the refitted device then
+    """Say which whole run got worse than with the device file (the worst one); "" for none."""
+    if found.verdict is Verdict.NOTHING_MISSING:  # then nobody should use the refitted device
         return ""
     worse: list[tuple[float, str]] = []
     for run in found.whole_runs:
@@ -150,7 +150,7 @@ def doubtful(found: Diagnosis) -> list[str]:
 
 
 def worth(found: Diagnosis) -> str:
-    """Say how far free runs are off on data that were kept out of the fit, before and after."""
+    """Say the error of free runs on held-out data, before and after."""
     fit, named, law = found.free_run, bool(found.findings), law_errors(found)
     after = fit.after if named else fit.refit
     if not after > 0.0 or not fit.refit > 0.0:
@@ -179,7 +179,7 @@ def worth(found: Diagnosis) -> str:
 
 
 def with_law(law: float, names: float) -> str:
-    """Say what a law that has no name is worth: errors with it and without, over the motion."""
+    """Say what a learned law is worth: errors with it and without, over the motion."""
     return f"{SHORT}: {of_the_motion(law)} with the law that has no name, {_off(names)} without it"
 
 
@@ -216,8 +216,8 @@ def what_now(found: Diagnosis, improved: str) -> list[str]:
     if found.verdict is Verdict.UNKNOWN_PHYSICS:
         steps.append(
             "look at where the missing force acts, below; check the unit and the channel of each"
-            " column; then search with --effort thorough, or add a mass to the device file, or the"
-            " physics that you suspect as an effect of your own"
+            " column; then search with --effort thorough, add a mass to the device file, or write"
+            " the physics that you suspect as an effect of your own"
         )
     planned = found.next_experiment is not None or found.next_level is not None
     return steps if planned else [*steps, *filter(None, [_record(found)])]
@@ -257,8 +257,8 @@ def _record(found: Diagnosis) -> str:
         )
     if found.events:
         return (
-            "record again without touching the device, and diagnose this recording: what looked"
-            " like contacts must be gone"
+            "record again without touching the device, and diagnose the new recording: it must show"
+            " no contacts"
         )
     return (
         "no experiment is planned to tell an effect from a law outside the library: record at"
@@ -279,9 +279,9 @@ def next_sentence(planned: NextExperiment | None) -> str:
             f" ({plain(ENOUGH, 1)} are enough); {planned.scenario.name} plays it"
         )
     return (
-        f"no excitation tried tells {a} from {b}: the best, {words!r}, separates them by"
-        f" {sigma} of the {plain(ENOUGH, 1)} that are needed; record it longer or stronger"
-        f" ({planned.scenario.name} plays it), or measure one of the two directly"
+        f"none of the excitations that were tried can tell {a} from {b}: the best, {words!r},"
+        f" separates them by {sigma}, and {plain(ENOUGH, 1)} are needed; record it for longer or at"
+        f" a higher level ({planned.scenario.name} plays it), or measure one of the two directly"
     )
 
 

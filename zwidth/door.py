@@ -1,8 +1,8 @@
-"""The front door: a file that nobody described, and a device that nobody knows, each with a TOML.
+"""Files without a description, and unknown devices: makes a TOML for each.
 
-`described` turns a recording of another tool into a recording TOML beside the results, and reports
+`described` writes a recording TOML for a recording of another tool, beside the results, and reports
 how it read the file; `device_of` fits a device to recordings if none is given, and writes its file.
-Both are meant to be edited: a file that a person has edited is read, and not overwritten.
+Both are meant to be edited: an edited file is read, and not overwritten.
 """
 
 import os
@@ -41,9 +41,9 @@ from zwidth.sim.trace import Trace
 from zwidth.sim.uncertainty import Uncertainty
 from zwidth.speed_loops import with_integral
 
-MOTION = re.compile(r"(?:position|velocity)_m[1-5]")  # channels that a device is fitted to
+MOTION = re.compile(r"(?:position|velocity)_m[1-5]")  # channels to which a device is fitted
 FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
-"""How far a device is trusted that was fitted with little: far enough to start from."""
+"""The trust in a device that was fitted roughly: enough for a start."""
 ONE_TO_THREE = ("one mass", "two masses", "three masses", "four masses", "five masses")
 
 
@@ -55,10 +55,10 @@ def described(
     doubts: list[str] | None = None,
     name: str | None = None,
 ) -> Path:
-    """Return the file itself if it is readable as it is, else a recording TOML made for it.
+    """Return the file itself if it can be read directly, else a recording TOML made for it.
 
-    The TOML is OUT/NAME.recording.toml; name: another name of it. joint: which to take, of a file
-    with several. doubts: takes what was assumed of it, in sentences. Raises LogError if the file
+    The TOML is OUT/NAME.recording.toml; name: another NAME. joint: the one to use, if a file has
+    several. doubts: receives the assumptions about it, in sentences. Raises LogError if the file
     cannot be read or nothing in it moves.
     """
     if path.suffix.lower() == ".toml":
@@ -91,8 +91,8 @@ def _guess(source: Source, file: str, ask: Ask | None, joint: str | None = None)
 def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple[Trace, list[str]]:
     """Return a recording of any kind and the assumptions about it, without writing a file.
 
-    ask: where somebody can answer. joint: which to take, of a file with several. Raises LogError
-    where it cannot be read.
+    ask: asks a person, if somebody can answer. joint: the one to use, if a file has several. Raises
+    LogError if it cannot be read.
     """
     if path.suffix.lower() == ".toml":
         return read_recording(path), []
@@ -141,7 +141,7 @@ def device_of(
 
 
 def kept(refitted: Device, path: Path) -> Device:
-    """Write a refitted device over the file of the one it started from, and return it."""
+    """Write a refitted device over the file of its starting device, and return it."""
     device = replace(refitted, uncertainty=FITTED, band=None, posterior=None)
     write_text(path, commented_text(device))
     return device
@@ -222,7 +222,7 @@ def asker() -> Ask | None:
 
     def ask(question: str, answers: Sequence[str], default: str) -> str:
         kind = click.Choice(list(answers)) if answers else str
-        with HEART.held():  # its line would be written over the question
+        with HEART.held():  # else its line would overwrite the question
             return str(click.prompt(f"{question}?", default=default, type=kind, err=True))
 
     return ask

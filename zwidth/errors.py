@@ -1,4 +1,4 @@
-"""What an error means to the person who typed the command: a sentence and an exit status."""
+"""Translates errors for the user of a command: a sentence and an exit status."""
 
 import errno
 import re
@@ -12,15 +12,14 @@ class Status(IntEnum):
     """Exit statuses of every command."""
 
     DONE = 0
-    FAILED = 1  # the machine, or this program; of `check` an answer, that a recording is outside
-    BAD_INPUT = 2  # what was asked for; the sentence says what to change
-    BROKEN = 3  # of `check` alone, what is FAILED elsewhere
-    INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
-    TERMINATED = 143  # 128 + SIGTERM, as a batch system sends it at the end of its time
+    FAILED = 1  # a failure of machine or program; for `check` the answer "outside the band"
+    BAD_INPUT = 2  # wrong input; the sentence says what to change
+    BROKEN = 3  # only for `check`: what is FAILED elsewhere
+    INTERRUPTED = 130  # 128 + SIGINT, as in shells
+    TERMINATED = 143  # 128 + SIGTERM, which batch systems send at the end of the time
 
 
-# A path that is not what it should be is the user's to change; a full disk or a refused permission
-# is the machine's.
+# A wrong path is an error of the input; a full disk or a missing permission is one of the machine.
 PATH_ERRORS = frozenset(
     {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP}
 )
@@ -28,11 +27,11 @@ FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 class CheckFailed(Exception):
-    """`zwidth check` found no answer, for no fault of its input; the message says why."""
+    """`zwidth check` found no answer, though its input is valid; the message says why."""
 
 
 def explain(error: BaseException) -> tuple[Status, str]:
-    """Return the exit status and one line for any exception that a command lets through."""
+    """Return the exit status and one line for any exception of a command."""
     match error:
         case KeyboardInterrupt() | click.Abort():
             return Status.INTERRUPTED, "interrupted; results finished before, if any, are kept"
@@ -58,9 +57,9 @@ def explain(error: BaseException) -> tuple[Status, str]:
 
 
 def one_line(text: str) -> str:
-    """Return sentences as one line that ends without a period, and has one between any two.
+    """Return sentences as one line that ends without a period, with one between any two.
 
-    What others say ends in a period or not; joined by ours, that gave "..", "?." and ".;".
+    Texts of libraries may end in a period; joined with ours, this gave "..", "?." and ".;".
     """
     line = re.sub(r"(?<=[\w)\]'?])\.\.(?=\s|$)", ".", " ".join(text.split()))
     return re.sub(r"(?<=[\w)\]'])\.;", ";", line).rstrip(".")

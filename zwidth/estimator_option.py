@@ -13,7 +13,7 @@ from zwidth.sim.nearest import nearest
 from zwidth.stability.linear import has_theory
 
 USUAL_WINDOW = 16
-ROUNDING = math.sqrt(12.0)  # a step over the standard deviation of rounding to it
+ROUNDING = math.sqrt(12.0)  # a step over the standard deviation of its rounding
 
 
 def estimator_option(command: Any) -> Any:

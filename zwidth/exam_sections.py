@@ -38,8 +38,8 @@ def laboratory_section(found: Mapping[str, Any]) -> str:
     claimed = ", ".join(found["claimed"]) or "nothing"
     return (
         "# Recorded as laboratories do\n\nNothing is concealed in them. Readings are taken up to"
-        " half a sample early or late and with jitter, stamps and commands are rounded, and recordings"
-        f" begin in motion or after a rest. Of {found['recordings']}, false claims in"
+        " half a sample early or late and with jitter, stamps and commands are rounded, and"
+        f" recordings begin in motion or after a rest. Of {found['recordings']}, false claims in"
         f" {ratio(found['false_claims'])}: {claimed}. Intervals of linear parameters hold the"
         f" truth: {ratio(found['coverage_linear'])}."
     )
@@ -90,7 +90,7 @@ def outside_section(outside: Mapping[str, Any]) -> str:
 
 
 def calibration_section(found: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
-    """Return how far probabilities mean what they say; of the JSON, its `calibration`."""
+    """Return the section on the reliability of probabilities: `calibration` in the JSON."""
     rows = [
         [f"{r['from']:g} to {r['to']:g}", f"{r['said']:.3f}", ratio(r["seen"])]
         for r in found["table"]

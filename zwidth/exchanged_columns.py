@@ -1,9 +1,9 @@
-"""A command and a motion whose columns a guess took for one another, exchanged again.
+"""Corrects a guess that exchanged the columns of command and motion.
 
-A header may name its columns in the wrong order. The numbers are checked with one mass that is
-regressed as the names say, m a + b v = u (`diagnosis.intake.swapped`, which needs no better one).
-If they contradict the names, the two signals exchange their places in the description, and each
-place keeps its unit.
+A header may name its columns in the wrong order. The numbers are checked with one mass fitted
+according to the names, m a + b v = u (`diagnosis.intake.swapped` needs no better model). If they
+contradict the names, the two signals are exchanged in the description, and each entry keeps its
+unit.
 """
 
 import tomllib
@@ -33,19 +33,19 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.trace import Trace
 
 MOTION = "position_m1"
-SMOOTHED = 9  # samples over which speed and acceleration are taken
-LEAST = 0.1  # of the rms force over the rms acceleration, that a mass is
-SLOWEST = 1e-6  # of the mass over a sample, that a damper is at least
+SMOOTHED = 9  # samples over which speed and acceleration are computed
+LEAST = 0.1  # least mass, over the rms force divided by the rms acceleration
+SLOWEST = 1e-6  # least damper, over the mass divided by a sample period
 
 
 def in_their_places(guess: Assumed, source: Source) -> Assumed:
-    """Return a guess whose command and position are exchanged where the numbers say so."""
+    """Return a guess, with command and position exchanged if the numbers show it."""
     said = tomllib.loads(guess.text)
     outputs = said["output"]
     if "input" not in said or len(outputs) != 1 or outputs[0]["quantity"] != "position":
         return guess
-    with suppress(ValueError, NoObserver), warnings.catch_warnings():  # else the names stand
-        warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, where a fit runs away
+    with suppress(ValueError, NoObserver), warnings.catch_warnings():  # else the names are kept
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy, if a fit diverges
         if not _moves_the_other_way(guess.text, source):
             return guess
         command, position = said["input"]["signal"], outputs[0]["signal"]
@@ -69,7 +69,7 @@ def _moves_the_other_way(text: str, source: Source) -> bool:
         return False
     device = _one_mass(trace)
     parts = stretches(trace, device)
-    compiled()  # the first of all simulations, where the file of another tool was read
+    compiled()  # before the first simulation for a file of another tool
     longest = max(parts, key=lambda e: e.ticks)
     return any(fault.kind == EXCHANGED for fault in in_place(device, longest)[1])
 

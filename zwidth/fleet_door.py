@@ -22,8 +22,8 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text
 from zwidth.sim.readable import with_unit
 
-FEW = 16  # recordings, for which processes are not worth their start
-FROM = 3  # recordings that a device is fitted to where none is given
+FEW = 16  # recordings, below which processes are not worth their start
+FROM = 3  # recordings to which a device is fitted if none is given
 SHOWN = 20  # odd recordings that are printed
 
 
@@ -37,18 +37,18 @@ def diagnose_recordings(
     cluster: str | None,
     line: str,
 ) -> Fleet:
-    """Diagnose a folder or a table of recordings, and write what is found.
+    """Diagnose a folder or a table of recordings, and write the results.
 
     OUT/NAME.fleet.html, the report; NAME.fleet.png and .svg; NAME.fleet.device.toml, the typical
-    device with its physics; NAME.fleet/, what was found of each recording, from which a rerun goes
-    on. Raises ValueError as `diagnose_fleet`.
+    device with its physics; NAME.fleet/, the results for each recording, from which a rerun
+    continues. Raises ValueError as `diagnose_fleet`.
     """
     recordings = listed(path)
     for table in [path] if path.is_file() else [path / name for name in TABLES]:
         if table.is_file():
             reading(table)
     for one in recordings:
-        content_of(one.path)  # so that none of them is written over
+        content_of(one.path)  # so that none of them is overwritten
     stem = out / path.resolve().stem
     report, typical = (stem.with_name(f"{stem.name}.fleet.{e}") for e in ("html", "device.toml"))
     pictures = stem.with_name(f"{stem.name}.fleet")

@@ -1,4 +1,4 @@
-"""The report of a fleet as one HTML file: a row for each device, and each recording behind it."""
+"""The report of a fleet as one HTML file: a row for each device, which opens its recordings."""
 
 import html
 import math
@@ -22,13 +22,13 @@ from zwidth.sim.readable import percent, with_unit
 Floats = NDArray[np.float64]
 WIDE, HIGH = 110, 22  # pixels of a spark line
 RUN_WIDE, RUN_HIGH = 420, 90  # of the picture of a recording
-MANY = 2000  # recordings, from which only devices are shown of which there is something to say
+MANY = 2000  # recordings, above which only noteworthy devices are shown
 BEYOND = 6.0  # deviations at which a spark line is cut off
 
 
 @dataclass(frozen=True)
 class Row:
-    """A device: what stands in its row, and its recordings."""
+    """A device: the content of its row, and its recordings."""
 
     name: str
     remark: str
@@ -52,7 +52,7 @@ class Recording:
 
 
 def save_fleet_report(fleet: Fleet, line: str, device: Path, path: Path) -> Path:
-    """Write the report; line: what asks again; device: the file of the fleet's typical device."""
+    """Write the report; line: the command line to repeat; device: file of the typical device."""
     names = list(fleet.spreads)
     wide = {n: _width(fleet, n) for n in names}
     told = {c.device for c in fleet.changes} | {m.listed.device for m in fleet.odd}

@@ -1,9 +1,9 @@
-"""A sign of life on standard error, wherever a command would say nothing for some seconds.
+"""Messages on standard error whenever a command would otherwise be silent for some seconds.
 
 A terminal gets one line that is overwritten each second, anything else a line after every 2.7 s of
-silence. It says how long the command has run, and which step was begun last, or that kernels are
-being compiled: this is done within any step, and only where numba has not kept them. One line says
-so once, as soon as it takes a second.
+silence. It says how long the command has run, and the present step, or that kernels are being
+compiled, which happens within any step if numba has not stored them. One line explains this once,
+as soon as it takes a second.
 """
 
 import sys
@@ -14,10 +14,10 @@ from contextlib import ExitStack, contextmanager
 
 from zwidth.sim.compiling import watched
 
-SILENCE = 2.7  # [s], after which a line is due where no terminal reads
-REFRESH = 1.0  # [s], after which a terminal's line is written anew
-LASTING = 1.0  # [s] of compiling, after which it is explained
-LONGEST = 60  # characters of what is being done
+SILENCE = 2.7  # [s] after which a line is written without a terminal
+REFRESH = 1.0  # [s] after which a terminal's line is written again
+LASTING = 1.0  # [s] of compiling after which it is explained
+LONGEST = 60  # characters of a step's description
 COMPILING = "compiling the simulation (once for each version)"
 
 
@@ -49,13 +49,13 @@ class Heartbeat:
         self.said()
 
     def begins(self, doing: str) -> None:
-        """Note what is begun, which is printed only where it lasts."""
+        """Note a step that begins, which is printed only if it lasts."""
         self._doing = doing
 
     def said(self, doing: str = "") -> None:
         """Note that something is about to be printed; clears the terminal's line.
 
-        doing: what is begun, where that is what is printed.
+        doing: the step that begins, if this is printed.
         """
         with self._lock:
             if doing:
@@ -73,7 +73,7 @@ class Heartbeat:
 
     @contextmanager
     def held(self) -> Generator[None]:
-        """Write nothing within the block, or only why it stands still: a progress bar moves."""
+        """Write nothing within the block, except why it is slow: a progress bar moves."""
         self.said()
         self._held += 1
         try:
@@ -102,7 +102,7 @@ class Heartbeat:
 
     def _explain(self) -> None:
         """Say why the first call of a version takes longer than all later ones."""
-        from zwidth.sim.jit import cache_folder  # loaded by now, since it compiles
+        from zwidth.sim.jit import cache_folder  # already loaded, since it compiles
 
         self._explained, self._said = True, time.monotonic()
         self._clear()

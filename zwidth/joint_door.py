@@ -1,8 +1,7 @@
-"""`zwidth diagnose --joint all`: every joint of a recording by itself, and one table of them.
+"""`zwidth diagnose --joint all`: each joint of a recording by itself, and a table of all.
 
-The joints of a robot differ in what they are made of, so each has its own device and its own
-answer. For joints that are alike, a table of them is written that `zwidth diagnose` takes as a
-fleet.
+The joints of a robot differ, so each has its own device and its own answer. For joints that are
+alike, a table is written that `zwidth diagnose` reads as a fleet.
 """
 
 import re
@@ -47,12 +46,12 @@ def diagnose_joints(
     out: Path,
     line: str,
 ) -> None:
-    """Diagnose every joint that moves, say what was found of each and write it.
+    """Diagnose every joint that moves, and print and write the results of each.
 
-    OUT/NAME.JOINT.toml is what the file is read as, and OUT/NAME.JOINT.diagnosis.html and so on are
+    OUT/NAME.JOINT.toml says how the file is read, and OUT/NAME.JOINT.diagnosis.html and so on are
     the answer, as for one joint; OUT/NAME.joints.toml lists them as a fleet. A joint that cannot be
-    diagnosed costs itself alone. Raises ValueError for a recording without several joints,
-    ClickException where none can be diagnosed, KeyboardInterrupt at its end where interrupted.
+    diagnosed does not affect the others. Raises ValueError for a recording without several joints,
+    ClickException if none can be diagnosed, KeyboardInterrupt at its end if interrupted.
     """
     joints = several_joints(path)
     told = f" ({', '.join(joints.still)} stand still)" if joints.still else ""
@@ -98,7 +97,7 @@ def diagnose_joints(
 
 
 def several_joints(path: Path) -> Joints:
-    """Return the joints of a file; raises RecordingError for one of zwidth or described by hand."""
+    """Return the joints of a file; RecordingError if zwidth wrote it or it has a description."""
     if path.suffix.lower() == ".toml":
         raise RecordingError(f"{path.name} already gives its joint; leave --joint out")
     found = own_log(path)
@@ -108,7 +107,7 @@ def several_joints(path: Path) -> Joints:
 
 
 def plain(joint: str) -> str:
-    """Return a joint as a part of a file's name."""
+    """Return the name of a joint as a part of a file name."""
     return re.sub(r"[^\w.-]+", "_", joint).strip("_.") or "joint"
 
 

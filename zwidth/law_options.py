@@ -1,4 +1,4 @@
-"""Options that say which law the walls of a command follow."""
+"""Options for the law of the walls of a command."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
@@ -15,7 +15,7 @@ OF: dict[str, tuple[str, ...]] = {
     "wavelength": ("texture",), "share": ("texture",), "width": ("region",),
     "most_damping": ("guarded",),
 }  # fmt: skip
-USUAL_SHARE = 0.1  # of the last stable damping, which a passivity controller may add
+USUAL_SHARE = 0.1  # of the last stable damping: default limit of a passivity controller
 
 
 def law_options(command: Any) -> Any:
@@ -34,7 +34,7 @@ def law_options(command: Any) -> Any:
                      help="Width of the region, which begins at 0. Default: unlimited."),
         click.option("--most-damping", type=Quantity("N m s/rad | N s/m"),
                      help="Largest damping that the passivity controller adds. Default: a tenth of"
-                     " the last damping that is stable alone."),
+                     " the largest B that is stable without a spring."),
     ]  # fmt: skip
     for option in reversed(options):
         command = option(command)
@@ -42,9 +42,9 @@ def law_options(command: Any) -> Any:
 
 
 def law_of(devices: Sequence[Device], options: dict[str, Any]) -> Law:
-    """Return the law that was asked for; raises ValueError for an option that it does not have.
+    """Return the requested law; raises ValueError for an option that it does not have.
 
-    devices: those that are to have it; what is left open fits all of them.
+    devices: those that will use it; defaults suit all of them.
     """
     kind = options["law"]
     for name, kinds in OF.items():

@@ -1,10 +1,10 @@
-"""A joint of an MJCF or URDF model, run freely by MuJoCo over windows of a recording.
+"""Free runs of a joint of an MJCF or URDF model in MuJoCo, over windows of a recording.
 
-Each window begins in the state that an observer of the device has there, as the device's own free
-runs do, and the joint is then driven by the recorded command: through its actuator where the model
-has one, else as a force on the joint. A model of several joints that is no export of this device
-has the others held in its zero pose. Before a window the commands of a few samples are played, so
-that an actuator that delays has them.
+Each window begins in the state that an observer of the device has there, like the device's own free
+runs, and the joint is then driven by the recorded command: through its actuator if the model has
+one, else as a force on the joint. In a model of several joints that is not an export of this
+device, the others are held in its zero pose. Before a window the commands of a few samples are
+played, for an actuator with a delay.
 
 Limits: of the outputs the position or velocity of m1 is compared; other joints are not driven.
 """
@@ -34,12 +34,12 @@ from zwidth.sim.band import Band
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-EVERY = 1 << 30  # more free runs than any recording has
-AHEAD = 2  # samples that are played before a window, beside the delay of an actuator
+EVERY = 1 << 30  # more free runs than in any recording
+AHEAD = 2  # samples played before a window, in addition to the actuator's delay
 
 
 def simulator_here() -> str:
-    """Return what runs models here, with its version: "MuJoCo 4.0.0"."""
+    """Return the installed simulator of models with its version: "MuJoCo 4.0.0"."""
     return f"MuJoCo {version('mujoco')}"
 
 

@@ -1,4 +1,4 @@
-"""Options that several commands share: physical quantities, lists of them, where results go."""
+"""Options that several commands share: physical quantities, lists of them, folders for results."""
 
 import math
 import re
@@ -20,7 +20,7 @@ LIKE_A_NUMBER = re.compile(r"[+-]?(\d|\.\d|nan\b|inf)", re.IGNORECASE)
 
 
 class Quantity(click.ParamType[float]):
-    """A finite number with a unit, at least `minimum`, or above it where `above` is true."""
+    """A finite number with a unit, at least `minimum`, or above it if `above` is true."""
 
     name = "number"
 
@@ -30,7 +30,7 @@ class Quantity(click.ParamType[float]):
         self.above = above
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """Return what help shows for the number: its unit."""
+        """Return the help's placeholder for the number: its unit."""
         return f"<{self.unit}>"
 
     def convert(
@@ -53,8 +53,8 @@ class Quantity(click.ParamType[float]):
 class Quantities(click.Option):
     """An option that takes one or more numbers, ``--delay-ms 2 4 8``, as a tuple.
 
-    rising: the numbers are a grid, so each must be above the one before it; otherwise they may
-    stand in any order, but none twice.
+    rising: the numbers are a grid, so each must be above the one before it; otherwise they may have
+    any order, but no repeats.
     """
 
     def __init__(self, *args: Any, rising: bool = False, **kwargs: Any) -> None:
@@ -77,10 +77,10 @@ class Quantities(click.Option):
 
 
 class ManyNumbers(click.Command):
-    """A command whose `Quantities` take all the numbers that follow, wherever they stand."""
+    """A command whose `Quantities` take all the numbers that follow them, anywhere in the line."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Repeat the option before each of its numbers, which is what click understands."""
+        """Repeat the option before each of its numbers, as click requires."""
         flags = {
             flag for option in self.params if isinstance(option, Quantities) for flag in option.opts
         }
@@ -88,9 +88,9 @@ class ManyNumbers(click.Command):
 
 
 def spread(args: list[str], flags: set[str]) -> list[str]:
-    """Return ``--x 1 --x 2`` for ``--x 1 2`` where ``--x`` is one of the flags."""
+    """Return ``--x 1 --x 2`` for ``--x 1 2`` if ``--x`` is one of the flags."""
     result: list[str] = []
-    flag, fresh = None, False  # the list being read; whether click itself gives it the next word
+    flag, fresh = None, False  # the present list; whether click itself adds the next word to it
     for position, word in enumerate(args):
         if word == "--":
             return result + args[position:]
@@ -130,8 +130,8 @@ cluster_option = click.option(
 def device_argument(destination: str = "device") -> Callable[[Any], Any]:
     """Return the argument DEVICE, which may be given as ``--device DEVICE`` as well.
 
-    So it is in every command of one device. Where the arguments are recordings, ``--device`` is all
-    that there is.
+    This holds for every command of one device. If the arguments are recordings, there is only
+    ``--device``.
     """
     key = "zwidth.named_device"
 
@@ -196,7 +196,7 @@ def _writable(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
 def typed_line(context: click.Context) -> str:
     """Return the complete command line of this call: with its folder and every option given.
 
-    It can be copied to any terminal; options that were not given have their defaults again.
+    It can be copied to any terminal; omitted options have their defaults again.
     """
     words = ["zwidth", context.info_name or ""]
     for parameter in context.command.params:

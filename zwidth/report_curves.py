@@ -1,4 +1,4 @@
-"""Curves of a report that can be zoomed: runs as data, drawn by uPlot, all in the same file."""
+"""Curves of a report that can be zoomed: runs as data, drawn by uPlot, inside the same file."""
 
 import base64
 from collections.abc import Sequence
@@ -13,18 +13,18 @@ from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.figures.style import HELD_OUT, MEASURED, ON_DARK
 from zwidth.sim.readable import percent, scaled, with_unit
 
-MOST = 120_000  # numbers of all curves, so that a report stays below 3 MB
-WIDE = 7.0  # pixels of the measured line, which is seen on both sides of a line that lies on it
+MOST = 120_000  # numbers in all curves, so that a report stays below 3 MB
+WIDE = 7.0  # width of the measured line in pixels, visible on both sides of another line
 DASHES = {"-": [], "--": [8, 4], ":": [2, 3]}
 # run -> label, colour, dashes, as in the pictures of a report
 Lines = dict[str, tuple[str, str, str]]
 
 
 def curves_of(runs: Sequence[WholeRun], lines: Lines) -> list[dict[str, Any]]:
-    """Return runs as a page's data: what was measured, and the error of each simulated run.
+    """Return runs as a page's data: the measurement, and the error of each simulated run.
 
-    Of long ones every k-th sample, so that all together are `MOST` numbers at most. Values are in
-    the unit that fits them, as 32-bit floats in base64; what overflowed is no number.
+    Of long runs every k-th sample is used, so that all together have at most `MOST` numbers. Values
+    are in a suitable unit, as 32-bit floats in base64; an overflow is NaN.
     """
     shown = [(run, [name for name in lines if name in run.simulated]) for run in runs]
     total = sum(run.measured.size * (1 + len(names)) for run, names in shown)
@@ -33,7 +33,7 @@ def curves_of(runs: Sequence[WholeRun], lines: Lines) -> list[dict[str, Any]]:
 
 
 def _curve(run: WholeRun, lines: Lines, every: int) -> dict[str, Any]:
-    from matplotlib.colors import to_hex  # "0.6" of matplotlib is no colour of a browser
+    from matplotlib.colors import to_hex  # "0.6" of matplotlib is not a colour for browsers
 
     factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
     quantity, _, at = run.output.partition("_")
@@ -74,7 +74,7 @@ def _encoded(values: NDArray[np.float64]) -> str:
 
 
 def program() -> dict[str, Markup]:
-    """Return what draws them: style and scripts, which are ours and uPlot's and no one else's."""
+    """Return the style and scripts that draw them: those of zwidth and uPlot."""
     package = files("zwidth")
     parts = {
         "style": package / "uplot" / "uPlot.min.css",

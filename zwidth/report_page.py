@@ -1,4 +1,4 @@
-"""Reports as HTML pages that hold everything and fetch nothing: one style, pictures inside."""
+"""Reports as self-contained HTML pages: one style, pictures inside."""
 
 import base64
 from typing import Any
@@ -9,7 +9,7 @@ def page(template: str, filters: dict[str, Any], **values: Any) -> str:
 
     template: path inside `zwidth/`; filters: name -> function, for this page.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # loaded by who writes a page
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # loaded only to write a page
 
     environment = Environment(
         loader=PackageLoader("zwidth", "."),
@@ -19,10 +19,10 @@ def page(template: str, filters: dict[str, Any], **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(filters)
-    # A unit stays on the line of its number.
+    # A unit stays on the same line as its number.
     return environment.get_template(template).render(**values).replace(" %", "\u00a0%")
 
 
 def embedded(svg: bytes) -> str:
-    """Return a picture as an address that holds it."""
+    """Return a picture as a data URL."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()

@@ -1,9 +1,9 @@
-"""Recordings and logs of diagnoses in Rerun: `rerun-importer-zwidth FILE`.
+"""Shows recordings and logs of diagnoses in Rerun: `rerun-importer-zwidth FILE`.
 
-Rerun runs every program on PATH that is called rerun-importer-... for a file that it does not know
-itself, and reads what the program writes to stdout; one that does not know the file either ends
-with status 66 (https://rerun.io/docs/concepts/logging-and-ingestion/importers/overview). An MCAP
-file Rerun reads alone, as messages; `rerun-importer-zwidth LOG.mcap | rerun -` shows it as curves.
+For an unknown file Rerun runs every program on PATH with a name rerun-importer-..., and reads its
+output on stdout; a program that does not know the file either ends with status 66
+(https://rerun.io/docs/concepts/logging-and-ingestion/importers/overview). Rerun itself reads an
+MCAP file as messages; `rerun-importer-zwidth LOG.mcap | rerun -` shows it as curves.
 """
 
 import re
@@ -22,19 +22,19 @@ from zwidth.sim.trace import Trace
 
 NOT_OURS = 66
 LOG_SUFFIX = ".mcap"
-# "found_free_position_m1": of which model, what, of which output (`diagnosis_log`).
+# "found_free_position_m1": model, kind, output (`diagnosis_log`).
 OF_A_MODEL = re.compile(r"(before|refit|found)_(?:(free|residual)_)?(.+)")
 LEVELS: dict[Severity, str] = {"info": "INFO", "warning": "WARN", "error": "ERROR"}  # of Rerun
 
 
 def main() -> None:
-    """Write a recording to stdout as Rerun reads it; the arguments are those that Rerun gives."""
+    """Write a recording to stdout in the form for Rerun, with the arguments of Rerun."""
     parser = ArgumentParser(prog="rerun-importer-zwidth", description=__doc__)
     parser.add_argument("file", type=Path, help="a recording, a recording TOML or a log of zwidth")
     parser.add_argument("--application-id", help="application id of the recording in Rerun")
     parser.add_argument("--recording-id", help="recording id of the recording in Rerun")
     parser.add_argument("--entity-path-prefix", default="", help="prefix of all curves' names")
-    asked, _ = parser.parse_known_args()  # Rerun has more, of which a recording needs none
+    asked, _ = parser.parse_known_args()  # Rerun passes more, which a recording does not need
     path: Path = asked.file
     log: Log | None = None
     try:
@@ -62,8 +62,8 @@ def main() -> None:
 def send(rerun: Any, stream: Any, prefix: str, trace: Trace) -> None:
     """Send every channel of a trace as a curve over the timeline `time`.
 
-    An output stands beside what models predict of it: `position_m1/measured`,
-    `position_m1/found_free`; what they leave of it under `position_m1_residual`.
+    An output is grouped with the models' predictions: `position_m1/measured`,
+    `position_m1/found_free`; the residuals are under `position_m1_residual`.
     """
     for name, values in trace.channels.items():
         place = f"{prefix}/{entity(name, trace)}"
@@ -75,7 +75,7 @@ def send(rerun: Any, stream: Any, prefix: str, trace: Trace) -> None:
 
 
 def entity(name: str, trace: Trace) -> str:
-    """Return where a channel of a trace stands in Rerun."""
+    """Return the path of a trace's channel in Rerun."""
     if (model := OF_A_MODEL.fullmatch(name)) and model[3] in trace.channels:
         word, kind, output = model.groups()
         if kind == "residual":
@@ -87,7 +87,7 @@ def entity(name: str, trace: Trace) -> str:
 
 
 def send_annotations(rerun: Any, stream: Any, prefix: str, log: Log) -> None:
-    """Send what is said of stretches of a log as lines of text where they begin."""
+    """Send the annotations of a log as lines of text at their beginnings."""
     for one in read_annotations(log.path, log.epoch_ns):
         stream.set_time("time", duration=one.start)
         stream.log(
@@ -97,7 +97,7 @@ def send_annotations(rerun: Any, stream: Any, prefix: str, log: Log) -> None:
 
 
 def in_words(one: Annotation) -> str:
-    """Return an annotation as one line: its name, how long it lasts, what it says."""
+    """Return an annotation as one line: its name, duration and text."""
     about = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in one.details.items())
     lasts = f"{one.name}, {number(one.start)} to {number(one.end)} s"
     return f"{lasts}: {one.text}{f' ({about})' if about else ''}"

@@ -1,7 +1,7 @@
 """Results for programs: the JSON of ``--json``, stable from the first release.
 
-Numbers are SI; a name ends in its unit if that is no SI unit of the device itself; `None` means
-that there is none (no stable K), a missing key that it was not measured.
+Numbers are SI; a name ends in its unit if that is not an SI unit of the device itself; `None` means
+that there is no value (no stable K), a missing key that it was not measured.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ class Bracketed(msgspec.Struct, frozen=True, omit_defaults=True):
 class Measured(msgspec.Struct, frozen=True, omit_defaults=True):
     """A point measured on the real device.
 
-    damping_printed: B as the source prints it, where the point is placed elsewhere for a misprint.
+    damping_printed: B as printed in the source, if the point is at another B because of a misprint.
     """
 
     stiffness: float
@@ -46,7 +46,7 @@ class Measured(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Interval(msgspec.Struct, frozen=True):
-    """Stiffness from low to high [N m/rad | N/m]; 0 where some case has no stable K."""
+    """Stiffness from low to high [N m/rad | N/m]; 0 if some case has no stable K."""
 
     low: float
     high: float
@@ -63,11 +63,11 @@ class Quantiles(msgspec.Struct, frozen=True):
 class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     """The boundary at one virtual damping B [N m s/rad | N s/m].
 
-    passive: the stiffest passive wall, None if there is none; hand: K_CR over the range of hands
-    at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
-    the parameters; felt: where a lasting oscillation begins to be felt, None if it is however
-    soft the wall. Absent where not asked for. reason, felt_reason: why simulated and felt are None,
-    in words.
+    passive: the stiffest passive wall, None if there is none; hand: K_CR over the range of hands at
+    m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of the
+    parameters; felt: K from which a lasting oscillation is felt, None if it is felt even for the
+    softest wall. Absent if not requested. reason, felt_reason: why simulated and felt are None, in
+    words.
     """
 
     damping: float
@@ -86,7 +86,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
 class Ending(msgspec.Struct, frozen=True):
     """The oscillation in which the boundary ends near its top, by linear theory.
 
-    Its mode and frequency, and by how many degrees the wall's spring and damper are late there.
+    Its mode and frequency, and the phase lags of the wall's spring and damper there in degrees.
     """
 
     damping: float
@@ -100,12 +100,12 @@ class Stiffest(msgspec.Struct, frozen=True, omit_defaults=True):
     """The stiffest wall: the largest stable K tried, in the time domain, and where it ends.
 
     linear_stiffness, linear_damping: the top by linear theory; frequency_below_hz and
-    frequency_above_hz of it on either side of that B, which differ where the frequency jumps.
+    frequency_above_hz: on either side of that B; they differ if the frequency jumps.
     last_stable_damping: the largest B tried with a stable K; linear_last_stable_damping by theory.
     None if there is none. sentence: the answer in words; endings: the oscillation in which the
     boundary ends there by linear theory, on either side of the top where they differ; frequency_hz:
-    of the oscillation in which it ends in the time domain; without: the stable K at the
-    same B without each part that the device has (friction, play, encoder_step, velocity_step,
+    of the oscillation in which it ends in the time domain; without: the stable K at the same B
+    without each part that the device has (friction, play, encoder_step, velocity_step,
     command_step, command_limit), None for none.
     """
 
@@ -132,7 +132,7 @@ class DelayBoundary(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The result of ``zwidth boundary``; rotary says which units the numbers have.
+    """The result of ``zwidth boundary``; rotary determines the units of the numbers.
 
     law: of the walls in the time domain, in words; absent for spring and damper.
     """
@@ -144,7 +144,7 @@ class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Point:
-    """Return a point of a boundary, beside what was measured there."""
+    """Return a point of a boundary, with the measurements there."""
     linear, bracket = point.linear, point.simulated
     critical = None
     if linear.stiffness is not None and linear.frequency_hz is not None:

@@ -1,12 +1,12 @@
-"""A goal of a speed that a guess took in proportion, where the loop that follows it integrates.
+"""Corrects a guess of a proportional speed loop, if the loop integrates its error.
 
-Such a loop follows its goal without a lasting error, which a proportional one does not. Both are
+An integrating loop follows its goal without a lasting error, unlike a proportional one. Both are
 fitted to goal and speed (`identification.first_loop`); if the integrating one leaves less than half
 of the error, the description gets its integral time.
 
-A diagnosis holds the integral of the goal at its mean over each sample, where it rises by g T. The
-difference, g (T / 2 - s) at s in the sample, changes the speed at the samples by -K T^2 / 12 of
-itself, for m = 1. If this is significant, a sentence says so.
+A diagnosis holds the integral of the goal at its mean over each sample, although it rises by g T.
+The difference, g (T / 2 - s) at s in the sample, changes the speed at the samples by -K T^2 / 12
+times the speed, for m = 1. If this is significant, a sentence says so.
 """
 
 import math
@@ -25,19 +25,19 @@ from zwidth.logs.stretches import longest_stretch
 from zwidth.logs.timing import examine
 
 SPEED = "velocity_m1"
-LOW = 1e-3  # of the speed, below which what the hold takes of it is not said
-WORTH = 0.5  # of what a loop in proportion leaves, below which the one that integrates is taken
+LOW = 1e-3  # of the speed: a smaller effect of the hold is not mentioned
+WORTH = 0.5  # largest ratio of an integrating loop's error to a proportional one's, to choose it
 
 
 def with_integral(guess: Assumed, source: Source) -> Assumed:
-    """Return a guess with the integral time of its loop on the speed where the numbers show one."""
+    """Return a guess with the integral time of its speed loop, if the numbers show one."""
     said = tomllib.loads(guess.text)
     doubt = next((d for d in guess.doubts if SPEED_GOAL in d), None)
     if doubt is None or all(one["quantity"] != "velocity" for one in said["output"]):
         return guess
     loop: SpeedLoop | None = None
     period = 0.0
-    with suppress(ValueError):  # too short or too broken for a fit: in proportion it stays
+    with suppress(ValueError):  # too short or too broken for a fit: it stays proportional
         loop, period = _loop(guess.text, source)
     if loop is None or loop.integral_time <= 0.0 or loop.error >= WORTH * loop.proportional:
         return guess

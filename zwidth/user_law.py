@@ -1,4 +1,4 @@
-"""``--controller module:function``: a control law of the user's own."""
+"""``--controller module:function``: the user's own control law."""
 
 import sys
 from importlib import import_module
@@ -12,7 +12,7 @@ from zwidth.sim.controller import Step
 
 
 class ControlLaw(click.ParamType[Step]):
-    """A function ``step(k, t, y, v, p, m)``, named module:function and sought from here on."""
+    """A function ``step(k, t, y, v, p, m)``, given as module:function of the current folder."""
 
     name = "MODULE:FUNCTION"
 
@@ -25,7 +25,7 @@ class ControlLaw(click.ParamType[Step]):
         sys.path.insert(0, folder)
         try:
             module = import_module(module_name)
-        except Exception as error:  # whatever the user's own code raises while it is imported
+        except Exception as error:  # any error of the user's own code during import
             self.fail(f"module {module_name} cannot be imported: {type(error).__name__}: {error}.")
         finally:
             sys.path.remove(folder)

@@ -22,9 +22,9 @@ motion the rounding error stays constant for long, and the filters do not descri
 
 The size of the error alone does not reveal missing physics. Errors of free runs are filtered
 innovations, and the filters treat the trace of missing friction in the innovations as noise: with
-innovations drawn from the recording itself in blocks, errors are predicted to the percent whatever
-is missing. But noise does not depend on the motion. So the same test is made with a second T: the
-log odds of the share of the squared error explained by forces that depend on the motion
+innovations drawn from the recording itself in blocks, errors are predicted to within one percent,
+whatever is missing. But noise does not depend on the motion. So the same test is made with a second
+T: the log odds of the share of the squared error explained by forces that depend on the motion
 (`answer.coherence`).
 
 Held-out data must also support the effects of the answer: its free runs, or its likelihood one step
@@ -438,7 +438,7 @@ def clearly(gains: Floats) -> float:
 
 
 def _step(judge_by: Sequence[Experiment]) -> float:
-    """The encoder step of the first output; 0 if it is no position or no step is visible."""
+    """The encoder step of the first output; 0 if it is not a position or no step is visible."""
     if judge_by[0].outputs[0].quantity != "position":
         return 0.0
     return max(encoder_step_seen(e.measured[:, 0]) or 0.0 for e in judge_by)

@@ -46,9 +46,9 @@ from zwidth.sim.band import Band, OutputBand
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-WINDOWS = 6  # at least, if the held-out data are long enough
-LESS_TRUSTING = (1.0, 10.0, 100.0, 1e3)  # times the ratio of the fit
-SCATTER = 0.5  # of mean squares, at least
+WINDOWS = 6  # least number, if the held-out data are long enough
+LESS_TRUSTING = (1.0, 10.0, 100.0, 1e3)  # factors on the ratio of the fit
+SCATTER = 0.5  # least scatter of mean squares
 RARE = 1e-3  # probability that an unchanged machine is called changed
 
 
@@ -96,9 +96,9 @@ def band_of(
 ) -> Band | None:
     """Return the band of a device on held-out data, None for fewer than two windows.
 
-    ratio: of the observer of the fit. The band's is the best of some that trust the device less: of
-    a file, with numbers of some digits and without what is a recording's own, a very trusting
-    observer predicts worse. Raises NoObserver if none is possible.
+    ratio: of the observer of the fit. The band uses the best of several that trust the device less:
+    a device file has rounded numbers and no recording's own values, so an observer that trusts it
+    fully predicts worse. Raises NoObserver if none is possible.
     """
     model = Model(device)
     ratio = min(LESS_TRUSTING, key=partial(_noise, model, judge_by, ratio)) * ratio

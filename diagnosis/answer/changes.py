@@ -70,9 +70,9 @@ from zwidth.sim.readable import plain
 Floats = NDArray[np.float64]
 RIVALS = 8  # hypotheses of the search that are fitted anew with a change
 FINE = 400  # points of a line
-PARTS = 8  # of held-out data while a drift goes on
+PARTS = 8  # into which held-out data are cut during a drift
 RUNS = 2  # free runs before a change in held-out data, with which these still judge
-# Courses that are no plain words -> how they are said.
+# Courses whose names are not plain words -> their words.
 AS_WELL = {RUN: "one recording unlike the others", EACH: "another value in each recording"}
 
 
@@ -157,11 +157,12 @@ class Change(Valued):
         if not self.as_well:
             return self._told(said)
         others = [AS_WELL.get(one, one) for one in self.as_well]
-        return f"{self._told(said)}; {listed(others, 'or', len(others))} would explain it as well"
+        named = listed(others, "or", len(others))
+        return f"{self._told(said)}; {named} would explain it equally well"
 
     @property
     def short(self) -> str:
-        """Say what changed, without intervals; and not when, if it may have been otherwise."""
+        """Say what changed, without intervals, and without the time if that is uncertain."""
         if not self.as_well:
             return self._told(short)
         if self.shape not in (STEP, DRIFT, SETTLES):
@@ -216,8 +217,8 @@ class Change(Valued):
     def may_be_none(self) -> bool:
         """Whether the interval of the change contains zero, though the fit is better with it.
 
-        What hardly shows after a change, as friction at rest in a short part, may be anything: it
-        "rose by 100 mN m (-500 to 100)" on a machine whose friction was constant.
+        A parameter that has little influence after a change (friction at rest in a short part) may
+        seem to have any value: it "rose by 100 mN m (-500 to 100)" where friction was constant.
         """
         return self.shape != EACH and self.by.lower <= 0.0 <= self.by.upper
 
@@ -397,7 +398,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
     def again(h: Hypothesis) -> Hypothesis | None:
         return attempt("changes", h.model.label, partial(with_varying, h, model, parts))
 
-    # The refit belongs to a device that stays the same.
+    # The refit has no changes.
     constant = partial(with_varying, tried.plain, tried.plain.model, parts)
     bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
     found = replace(
@@ -415,7 +416,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
             found.sound([other])
     sound = [h for h in found.tried.values() if not h.against_physics]
     cheapest = min(sound, key=lambda h: h.cost.total, default=found.best)
-    # One without the changing parameter needs no change, and would have to be believed over it.
+    # A cheaper one without the changing parameter has no change, and would have to be believed.
     if cheapest.cost.total < found.best.cost.total and _same_changes(cheapest, found.best):
         found.best = cheapest
     return found
@@ -563,7 +564,7 @@ def _when(
     suspect: Suspect, experiments: Sequence[Experiment]
 ) -> tuple[str, float | None, tuple[float, float] | None]:
     """The recording, and the time in it [s]; None for a change between two recordings."""
-    near = 2 * SETTLING if suspect.shape == STEP else 0  # so near an end, a step is at the end
+    near = 2 * SETTLING if suspect.shape == STEP else 0  # a step so near an end is at the end
     place, before = 0, 0
     for e in experiments[:-1]:
         if suspect.shape not in (STEP, RUN) or suspect.at < before + e.ticks - near:

@@ -11,8 +11,7 @@ with the clearest difference counts.
 
 A finding is negligible if held-out data are predicted better without it, or if the intervals of all
 its magnitudes include zero effect and they are predicted less than five sigma worse without it.
-Such an effect is significant by its likelihood, but may not exist; it is reported as of no
-consequence.
+Such an effect is significant by its likelihood, but may not exist; it is reported as negligible.
 
 Limits: a parameter that only held-out motion excites has no worth here. Errors of free runs also
 contain the noise of readings and random forces, which no finding removes.
@@ -81,13 +80,14 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
 
 
 def may_be_nothing(finding: Finding) -> bool:
-    """Whether held-out data reject a finding, or are none the worse without it and it may be zero.
+    """Whether held-out data reject a finding, or do not need it and it may be zero.
 
-    It may be zero if all its magnitudes may, together (`Finding.clear`): Stribeck friction may lack
-    its level in motion and still hold a mass at rest. An interval is that of a quadratic form,
-    which a strength beside a similar effect may leave: of a pendulum beside a spring that stiffens
-    it contained zero, but free runs had errors 51 times as large without it. They decide at five
-    sigma: a resonance beside a known arm that did not exist was worth 5 %.
+    It may be zero if all its magnitudes together may be (`Finding.clear`): Stribeck friction may
+    have no level in motion and still hold a mass at rest. An interval comes from a quadratic form,
+    which can be wrong for a strength beside a similar effect: that of a pendulum beside a
+    stiffening spring contained zero, but errors of free runs were 51 times as large without it. So
+    free runs decide, at five sigma: a resonance that did not exist, beside a known arm, was worth 5
+    %.
 
     Held-out data reject it if free runs err less without it, and over no horizon more. Of the
     effects named on 60 sealed recordings two were rejected, and neither existed. For effects that

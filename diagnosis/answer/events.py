@@ -5,12 +5,12 @@
 Over a tick, force times travel is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is
 held.
 
-A contact pushes one way. A short force that clearly pushes both ways (`_opposes`) is no contact,
+A contact pushes one way. A short force that clearly pushes both ways (`_opposes`) is not a contact,
 but readings that nothing known explains, such as disturbed readings or missing physics at a
 reversal; its impulse and energy mean nothing. With S_k = sum over i < k of f_i, the largest rise
-and fall of S over any span are the largest impulses each way, and the variance of a span's is the
-sum of its block of the covariance. Limit: the span is chosen, so noise alone gives a sum of two or
-three sigma.
+and fall of S over any span are the largest impulses each way; the variance of the impulse over a
+span is the sum of the span's block of the covariance. Limit: the span is chosen, so noise alone
+gives a sum of two or three sigma.
 """
 
 from collections.abc import Sequence
@@ -36,13 +36,13 @@ from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 SHORT_S, LONG_S = 0.05, 0.1  # a hit is shorter, a hand lasts longer
-STILL = 0.1  # of the usual speed (at a stop: of the speed before it), below which a place is held
+STILL = 0.1  # of the usual speed (at a stop: of the speed before it), below which it is at rest
 AT_AN_END = 0.03  # of the travel: how far from its end a stop may be
 MEAN_S = 0.02  # the largest force, and the speed beside it, are means over this time
 PICTURE_S = 0.3  # about an event, in a picture
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
 UNEXPLAINED = "unexplained"
-CONTACTS = HIT, TOUCH, PUSH, UNEXPLAINED  # by somebody who knows of it, or by missing physics
+CONTACTS = HIT, TOUCH, PUSH, UNEXPLAINED  # by somebody who knows of it; or physics is missing
 
 
 @dataclass(frozen=True)

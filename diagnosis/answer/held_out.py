@@ -36,7 +36,7 @@ def models_of(device: Device, found: Searched) -> dict[str, tuple[Model, Floats]
 def told_of(
     fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
 ) -> list[tuple[Experiment, bool]]:
-    """Return the recordings to report on (only the rest of split ones), and whether held out."""
+    """Return the recordings to report on (the rest of split ones), and whether held out."""
     firsts = {(e.before.name, e.before.begins) for e in judge_by if e.before is not None}
     whole = [e for e in fitted if (e.name, e.begins) not in firsts]
     return [*((e, True) for e in judge_by), *((e, False) for e in whole)]

@@ -40,7 +40,7 @@ from zwidth.diagnosis.selection.searched import (
 )
 from zwidth.diagnosis.settings import PURSUIT
 
-ENDED = 0.1  # of a force's duration, which must be recorded after its end
+ENDED = 0.1  # of a force's duration: least time recorded after its end
 
 
 def knowing_events(
@@ -141,7 +141,7 @@ def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment])
         return settled(judged(recordings, h.model, h.x, h.family, None, h.prices))
 
     best, beside = again(before.best), before.best
-    # Cost beyond that of ordinary noise in its place, from which `Search` had set it apart.
+    # Cost of the event beyond that of ordinary noise there; `Search` set it apart because of it.
     explained = best.cost.misfit - beside.cost.misfit * best.samples / beside.samples
     least = PURSUIT.rival_share * explained if before.apart else PURSUIT.no_sign
     search = begun_on(before, again(before.plain), best)

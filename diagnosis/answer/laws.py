@@ -352,7 +352,7 @@ class LearnedSurface(Law):
 
     @property
     def others(self) -> list[str]:
-        """Formulas that the band does not distinguish from the first, of either law."""
+        """Formulas of each law that the band does not distinguish from the first."""
         return [
             f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
             for form, state in zip(self.forms, self.curve.states, strict=False)

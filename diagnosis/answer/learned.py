@@ -28,7 +28,7 @@ from zwidth.sim.device import Device
 
 # Forms of a spring, damper, scale, constant force or origin: parameters or library effects.
 STRAIGHT = ("straight line", "line", "offset")
-LAWS = 3  # of each horizon, that are tested on held-out data
+LAWS = 3  # laws of each horizon that are tested on held-out data
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Asked:
     def runs_away(self, law: Searched) -> bool:
         """Whether a law fails in a single free run over all held-out data.
 
-        That is if its error exceeds both the motion and the error without the law: a table may hold
-        over short runs and push beyond its last point.
+        It fails if its error exceeds both the motion and the error without the law: a table may be
+        right over short runs and wrong beyond its last point.
         """
         read = [e.measured[e.known, 0] for e in self.judge_by]
         motion = rms([y - y.mean() for y in read])

@@ -37,7 +37,7 @@ from zwidth.sim.readable import percent, plain, with_unit
 Floats = NDArray[np.float64]
 NOTHING = 0.05  # of the largest command, below which a command counts as zero
 SAME = 1.25  # largest over smallest level, up to which they count as one level
-SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # of the level: those simulated
+SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # shares of the level that are simulated
 MOVES = 0.2  # of a motion proportional to the command, below which a device hardly moves
 OTHERS = 3  # hypotheses beside the refit that the answer is compared with
 BENDING = ("friction", "force", "command")  # hooks of laws that do not grow with the motion
@@ -73,8 +73,8 @@ class NextLevel(Valued):
         return (
             f"the command has a single level, {with_unit(self.level, self.unit, 3)}, at which"
             f" friction looks like a weaker command: {self.advice} and diagnose both together; at"
-            " the new level, this answer and its nearest rival differ by"
-            f" {percent(self.differs)} of the motion, at the present level by {percent(self.now)}"
+            " the new level, the predictions of this answer and of its nearest rival differ by"
+            f" {percent(self.differs)} of the motion, instead of {percent(self.now)}"
         )
 
 

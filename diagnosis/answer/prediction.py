@@ -138,7 +138,9 @@ def _checked(like: Experiment, command: ArrayLike, first: ArrayLike) -> tuple[Fl
     names = " and ".join(o.name for o in like.outputs)
     u, y = np.asarray(command, dtype=np.float64), np.asarray(first, dtype=np.float64)
     if u.ndim != 1:
-        raise ValueError(f"u_test has the shape {u.shape}; give one command a sample, (ticks,)")
+        raise ValueError(
+            f"u_test has the shape {u.shape}; it must be (ticks,), one command per sample"
+        )
     y = y[:, None] if y.ndim == 1 else y
     if y.ndim != 2 or y.shape[1] != len(like.outputs):
         raise ValueError(

@@ -1,7 +1,7 @@
 """Checks whether the model holds in every regime of the motion.
 
-The last third of a recording is mostly more of the same, and tests little: at one level friction is
-a smaller command, in one direction it is a constant force. So each finding is also tested on motion
+The last third of a recording mostly repeats the rest, and tests little: at one level friction is a
+smaller command, in one direction it is a constant force. So each finding is also tested on motion
 of another kind: a regime is left out (a recording, a level of the command, a direction, half of the
 travel), and a fit to the rest must predict it.
 
@@ -41,8 +41,8 @@ from zwidth.diagnosis.settings import EVIDENCE
 Floats = NDArray[np.float64]
 Where = NDArray[np.bool_]
 LEVELS = 1.5  # command of the loud half over the quiet half, above which levels differ
-LEAST = 0.15  # of the samples, that a regime must have
-TOLD = 0.05  # of the information in a direction of x, which must remain without the regime
+LEAST = 0.15  # least share of the samples in a regime
+TOLD = 0.05  # least share of the information in a direction of x that remains without the regime
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _all_regimes(experiments: Sequence[Experiment]) -> Iterator[Regime]:
 
 def _size(e: Experiment) -> Floats:
     """Root mean square of the command over a stretch, (ticks,)."""
-    width = max(1, round(0.25 / e.period))  # a quarter of a second is a level
+    width = max(1, round(0.25 / e.period))  # levels are means over 0.25 s
     return np.sqrt(np.convolve(e.command**2, np.full(width, 1.0 / width), mode="same"))
 
 
@@ -106,7 +106,7 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
         own, less = (_left_out(h, regime.where) for h in (new, old))
         if own is None or less is None:
             continue
-        blocks = EVIDENCE.blocks // 2  # a regime is about a half
+        blocks = EVIDENCE.blocks // 2  # a regime is about half of a recording
         apart = np.sum((own.errors - less.errors) * (own.weighed - less.weighed), axis=1)
         gains, foretold = (
             np.array([part.sum() for part in np.array_split(each, blocks)])

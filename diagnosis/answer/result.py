@@ -89,7 +89,7 @@ class Held(Valued):
 
 
 def magnitudes(effect: Effect) -> dict[str, float]:
-    """Return the magnitudes of an effect, each with its value if there is none of the effect."""
+    """Return the magnitudes of an effect, each with the value at which the effect does nothing."""
     sizes = (p for p in effect.parameters if p.role in ("magnitude", "strength"))
     return {p.name: p.none_of_it() for p in sizes if p.neutral is not None}
 
@@ -146,7 +146,7 @@ class Finding(Valued):
     def without_probability(self) -> "Finding":
         """Return the finding without its probability, for an answer that is not adequate.
 
-        No fitted hypothesis is adequate then, so their relative weights are no probabilities.
+        No fitted hypothesis is adequate then, so their relative weights are not probabilities.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
@@ -260,7 +260,7 @@ class Diagnosis(Shown):
         shape or is not finite, or if the recordings had to be corrected (a wrong sign or unit,
         exchanged columns, a late command).
         """
-        from zwidth.diagnosis.answer.prediction import predicted  # which needs this module
+        from zwidth.diagnosis.answer.prediction import predicted  # it imports this module
 
         smooth = self.device.interface.command_hold == "smooth"
         return predicted(
@@ -324,7 +324,7 @@ class Unanswered(Valued):
     @property
     def headline(self) -> str:
         """Return the first line."""
-        return "Undecided: an error left nothing to conclude"
+        return "Undecided: an error prevented any answer"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`, with empty values for what is unknown."""

@@ -1,6 +1,6 @@
 """How far free runs stray from recordings.
 
-After a contact through play, or where friction hardly holds, a tiny difference becomes a large one,
+After a contact through play, or where friction nearly slips, a tiny difference becomes a large one,
 however right the model is: with all of the true physics of a rig, six runs of half a second erred
 by 1 to 2 % of the motion, and two by 27 and 74 %. Missing physics that moves a machine moves most
 runs aside. So the typical run tells whether an answer strays, and the mean error is reported.

@@ -29,7 +29,10 @@ class Reason(Enum):
     ONE_LAW = "one learned law explains the recording better than several named effects"
     OTHER = "unknown physics explains more than a named effect"
     LEFT = "a force without a name remains"
-    INADEQUATE = "errors of free runs on held-out data exceed the noise, or are as large as before"
+    INADEQUATE = (
+        "errors of free runs on held-out data exceed the noise, or are as large as without the"
+        " found effects"
+    )
     BAD = (
         "the fit ended at the limit of an allowed range, or predicts worse than without the found"
         " effects"
@@ -190,7 +193,7 @@ class Facts:
         had 1.1 sigma or more.
         """
         worth = [one.worth for one in self.findings]
-        known = [w for w in worth if w is not None and w.sigma != 0.0]  # zero: too few runs
+        known = [w for w in worth if w is not None and w.sigma != 0.0]  # 0: too few runs
         return not known or any(w.times > 1.0 and w.sigma > ADEQUACY.scatter for w in known)
 
     @property
@@ -226,7 +229,7 @@ def _of_names(f: Facts) -> Reason:
     """The reason if effects are named and nothing else is left."""
     if f.bad:
         return Reason.BAD
-    if f.law is not None and not f.law.turns:  # a law that turns is the shape of a ripple
+    if f.law is not None and not f.law.turns:  # a periodic law is a ripple's shape
         return Reason.MORE
     if any(h.fails for one in f.findings for h in one.regimes):
         return Reason.ONE_REGIME

@@ -141,7 +141,7 @@ ONE_WAY = {
     "level_plus": "friction of {level_minus} backwards (none forwards)",
     "level_minus": "friction of {level_plus} forwards (none backwards)",
 }
-ZERO = re.compile(r"0(\.0*)? ")  # how a value begins that is zero to the digits that are known
+ZERO = re.compile(r"0(\.0*)? ")  # beginning of a value that is zero to its known digits
 # Effects whose phrase includes their place.
 PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit", "open_winding",
           "servo_dead_zone", "servo_integral", "goal_rate_limit", "dropped_samples")  # fmt: skip
@@ -161,13 +161,13 @@ def effect_in_words(name: str) -> str:
     return words.replace("coulomb", "Coulomb").replace("stribeck", "Stribeck")
 
 
-# Endings of the names of effects that nobody counts: "friction", but "a dead band".
+# Endings of the names of effects without an article: "friction", but "a dead band".
 UNCOUNTED = ("friction", "drag", "backlash", "stiffness", "hysteresis", "saturation", "asymmetry",
              "samples", "eccentricity")  # fmt: skip
 
 
 def an_effect(name: str) -> str:
-    """Return an effect's name as a sentence begins to speak of it: "friction", "a dead band"."""
+    """Return an effect's name where a sentence first mentions it: "friction", "a dead band"."""
     words = effect_in_words(name)
     if words.endswith(UNCOUNTED):
         return words
@@ -175,12 +175,12 @@ def an_effect(name: str) -> str:
 
 
 def the_effect(name: str) -> str:
-    """Return an effect's name as one that is known: "Coulomb friction", "the dead band"."""
+    """Return an effect's name where it is already known: "Coulomb friction", "the dead band"."""
     words = effect_in_words(name)
     return words if words.endswith(UNCOUNTED) else f"the {words}"
 
 
-# Names of parameters that are no plain words -> how they are called.
+# Names of parameters that are not plain words -> their words.
 PARAMETERS = {
     "level_plus": "forward level",
     "level_minus": "backward level",
@@ -191,7 +191,7 @@ PARAMETERS = {
 
 def own_parameter(name: str) -> str:
     """Return the name of an effect's parameter in words: "static level", "level in run_2"."""
-    name, where_, word = name.partition(" in ")  # a value that some recordings have as their own
+    name, where_, word = name.partition(" in ")  # own value of some recordings
     return f"{PARAMETERS.get(name, name.replace('_', ' '))}{where_}{word}"
 
 
@@ -253,9 +253,9 @@ def listed(words: Sequence[str], last: str = "and", first: int = LISTED) -> str:
 def all_in_words(
     findings: Sequence[Finding], masses: int, intervals: bool = False, sized: int = LISTED
 ) -> str:
-    """Return findings as a list, the strongest first; a place that several share is said once.
+    """Return findings as a list, the strongest first; a shared place is mentioned once.
 
-    sized: how many of them are given with their sizes, from the first on.
+    sized: how many of them, from the first on, have their sizes.
     """
     named = [_what_and_where(f, masses, intervals, i < sized) for i, f in enumerate(findings)]
     shared = [(at, [what for what, _ in same])
@@ -463,7 +463,7 @@ def parameter_in_words(name: str, unit: str) -> str:
         return "the scale of the command"
     if name == "skew":
         return "the delay of the readings"
-    name, where_, word = name.partition(" in ")  # a value that some recordings have as their own
+    name, where_, word = name.partition(" in ")  # own value of some recordings
     kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
     called = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
     return f"{called}{where_}{word}"
@@ -522,8 +522,9 @@ def why(f: Facts) -> str:
             )
         case Reason.UNCONFIRMED:
             told = (
-                "without each named effect, held-out data are predicted as well, within the scatter"
-                " of the free runs: record more of the motion in which the effects would matter"
+                "leaving out any one of the named effects makes the prediction of held-out data no"
+                " worse, within the scatter of the free runs: record more of the motion in which"
+                " the effects would matter"
             )
         case Reason.ONE_LEVEL:
             told = (
@@ -542,9 +543,9 @@ def why(f: Facts) -> str:
             told = f"{f.left.hint}; five sigma are required to prefer it"
         case Reason.WITH_LEVEL:
             told = (
-                "a parameter changes where the level of the command does, so a law of speed or"
-                " force that is not in the library explains as much; a recording in which the level"
-                " returns to its first value tells them apart"
+                "a parameter changes at the same time as the level of the command, so a law of"
+                " speed or force that is not in the library explains as much; to tell them apart,"
+                " record a run in which the level returns to its first value"
             )
         case Reason.ONE_PERIOD:
             told = (
@@ -589,7 +590,8 @@ def _nearest(f: Facts) -> str:
         if near.effect == one.effect:
             own = f"{own} {place_in_words(place_at(one.at), f.masses)}"
         words.append(f"{far} with {instead} in place of {own}")
-    return f"the fit is {listed(words)}; to tell two effects apart, {VERDICT.apart:g} are required"
+    enough = f"{VERDICT.apart:g} sigma are required"
+    return f"the fit is {listed(words)}; to tell two effects apart, {enough}"
 
 
 def _replaced(f: Facts) -> str:
@@ -602,7 +604,7 @@ def _one_regime(f: Facts) -> str:
     odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
     return (
         f"{odd.effect} at {odd.at}, fitted to the motion {at.other}, makes the prediction of the"
-        f" motion {at.regime} worse; record more {at.regime}"
+        f" motion {at.regime} worse; record more of the motion {at.regime}"
     )
 
 

@@ -37,19 +37,19 @@ from zwidth.diagnosis.fitting.straight import along
 from zwidth.diagnosis.model.parameters import Model, is_read
 
 Floats = NDArray[np.float64]
-# Of the diagonal, from Newton's step to a nudge. A decade apart: along a ridge whose curvature is
-# 2e-4 of the diagonal Newton's step went too far and 1e-2 gave a fiftieth of it, so a fit of
-# presliding friction and three masses ended 11 in -2 ln too high, with dampers off by 3 sigma.
+# Shares of the diagonal, from Newton's step to a tiny one, a decade apart: on a ridge with a
+# curvature of 2e-4 of the diagonal, Newton's step went too far and 1e-2 gave a fiftieth of it; a
+# fit of presliding friction and three masses ended 11 in -2 ln too high, dampers off by 3 sigma.
 DAMPING = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
-# And parts of nearly undamped steps. Together they fill the lanes of one call of the kernel.
+# Parts of nearly undamped steps. With DAMPING they fill the lanes of one call of the kernel.
 ALONG = ((1e-7, (1.0, 0.3, 0.1, 0.03)), (1e-5, (1.0, 0.3, 0.1, 0.03)))
 STEPS = (*((m, (1.0,)) for m in DAMPING), *ALONG)
-# Places in the list of steps: whole ones, hardly damped.
+# Indices in STEPS of whole steps that are hardly damped.
 WHOLES = {0, len(DAMPING), len(DAMPING) + len(ALONG[0][1])}
 BENT = (1e-7, 1e-5, 1e-3)  # damping of steps that are followed along the valley
-ALONG_BEND, AHEAD = (1.0, 0.5, 0.25), 0.1  # parts of these; h
+ALONG_BEND, AHEAD = (1.0, 0.5, 0.25), 0.1  # s and h of the equations above
 SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x; 1 is a device file's uncertainty
-SHARE = 0.5  # of a parameter's own standard error: narrower if it is known better
+SHARE = 0.5  # of a parameter's standard error, if this gives a narrower width
 NARROWEST = 1e-5
 ENOUGH = 0.1  # least gain in cost that justifies another round
 FARTHEST = 5.0  # in x: the longest step

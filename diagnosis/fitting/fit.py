@@ -16,7 +16,7 @@ from zwidth.diagnosis.noise.predictor import SEARCHING, SETTLING, Fineness, Obse
 from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
-WORST = 1e6  # weighted innovation that stands for an overflow
+WORST = 1e6  # weighted innovation in place of an overflow
 
 
 @dataclass(frozen=True)

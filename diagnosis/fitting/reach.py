@@ -32,9 +32,9 @@ from zwidth.diagnosis.fitting.uncertainty import Z95, standard_errors
 
 Floats = NDArray[np.float64]
 ROUNDS = 5
-NEARLY = 0.97  # of 1.96: near enough
-FARTHER = 3.0  # times as far, that one round goes at most
-SHARES = (1.0, 0.5)  # of the step of the others
+NEARLY = 0.97  # of 1.96: close enough
+FARTHER = 3.0  # largest factor of the distance in one round
+SHARES = (1.0, 0.5)  # of the step of the other parameters
 
 
 def reaches(problem: Problem, fitted: Fitted, spans: Floats, which: Sequence[int]) -> Floats:

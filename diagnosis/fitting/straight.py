@@ -7,7 +7,7 @@ The motion of m1 under its force obeys D(s) q1 = N(s) F, with
 so that an error of this equation is linear in the coefficients of N and D, but not in masses,
 springs and dampers. There are as many of them (4 n - 2 for n masses, one more with a spring to
 ground) as parameters of the chain, and each chain has its own. So a step d in x, computed with the
-slopes J of the coefficients y(x), is gone along the curve
+slopes J of the coefficients y(x), follows the curve
 
     y(x(s)) = y(x) + s J d,
 
@@ -29,10 +29,10 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.sim.chain import Chains
 
 Floats = NDArray[np.float64]
-WIDTH = 1e-6  # of differences in x
-TURNS = 8  # of Newton's method
-FOUND = 1e-6  # last change of x, at which a point of the curve is found
-FARTHEST = 0.5  # in x, of a turn
+WIDTH = 1e-6  # width of differences in x
+TURNS = 8  # most iterations of Newton's method
+FOUND = 1e-6  # change of x below which a point of the curve is found
+FARTHEST = 0.5  # in x: the longest step of an iteration
 CHAIN = ("mass", "damper", "spring", "link", "k0")
 
 

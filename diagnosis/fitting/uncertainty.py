@@ -11,9 +11,9 @@ from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.model.parameters import Parameter
 
 Floats = NDArray[np.float64]
-DEAD = 1e-9  # of the largest slope
-BAND = 64  # samples a segment
-EVENT = 8  # samples that may err together, whatever the spectrum is elsewhere
+DEAD = 1e-9  # of the largest slope; a parameter with less has no influence
+BAND = 64  # samples in a segment of the spectrum
+EVENT = 8  # samples whose errors may be dependent, whatever the whole spectrum
 Z95 = 1.959963984540054
 
 
@@ -27,9 +27,9 @@ def standard_errors(fitted: Fitted) -> Floats:
     errors = np.sqrt(np.diag(covariance(fitted)))
     others = np.array([p.kind != "gain" for p in fitted.model.parameters])
     if not others.all():
-        # With information I = J'J over the scale g and the others o, C = I^-1, what is left of o
-        # where g is known is cov(o | g) = C_oo - C_og C_gg^-1 C_go = (I_oo)^-1: g's column is left
-        # out of J, and so its row and column of I, before it is inverted.
+        # With information I = J'J over the scale g and the others o, C = I^-1, the covariance of o
+        # with g known is cov(o | g) = C_oo - C_og C_gg^-1 C_go = (I_oo)^-1: g's column is left out
+        # of J, and so its row and column of I, before it is inverted.
         errors[others] = np.sqrt(np.diag(_covariance(fitted, fitted.jacobian[:, others])))
     return errors
 

@@ -10,11 +10,11 @@ chi-square of 2 |G|^2 / n, where G is the spectrum of g q over s: one FFT gives 
 the mean of |G|^2 over `DRAWS` residuals drawn at random with the residual's own smoothed spectrum
 and envelope, because noise is never quite white near a resonance and, with irregular sampling, is
 larger during fast motion. For q = 1, a hum is itself a line of that spectrum, so n comes from white
-residuals and from the lines around, over wide and narrow neighbourhoods, since an antiresonance is
-narrow. The best line of all families is compared with the value that the best of as many lines of
-white noise exceeds once in `odds` recordings. Slow warming is a line of low frequency. The part
-that a refit absorbs is removed from residual and noise: a damper that varies once over the whole
-travel is nearly a damper. Limits: q is the observer's prediction.
+residuals and from neighbouring lines, in wide and narrow ranges, since an antiresonance is narrow.
+The best line of all families is compared with the value that the best of as many lines of white
+noise exceeds once in `odds` recordings. Slow warming is a line of low frequency. The part that a
+refit absorbs is removed from residual and noise: a damper that varies once over the whole travel is
+nearly a damper. Limits: q is the observer's prediction.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -33,15 +33,15 @@ from zwidth.diagnosis.settings import FREE_FORCES
 from zwidth.sim.place import GROUND, MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-FASTEST_HZ = 40.0  # at which a parameter may vary
+FASTEST_HZ = 40.0  # highest frequency at which a parameter may vary
 FINEST = 60.0  # periods over the travel
 SPRINGS = 6  # half periods over the travel; with fewer, a ripple is a bent spring
-DRAWS = 48  # of white noise
+DRAWS = 48  # number of draws of white noise
 SEED = 0
 AROUND = 51  # lines whose median gives the noise about a hum
 BESIDE = (2, 8)  # lines to either side whose mean does too; nearer ones have the hum's leakage
 ENVELOPE = 300  # samples over which the residual's size is averaged
-SMOOTH = 15  # lines over which the residual's spectrum is smoothed, to draw noise alike
+SMOOTH = 15  # lines over which the residual's spectrum is smoothed, to draw similar noise
 COARSE = 8.0  # lags of the filters' memory: a resolution of 20 Hz at 1 kHz
 BINS = 4096  # over twice the travel
 
@@ -172,7 +172,7 @@ def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iter
     number = np.arange(BINS // 2 + 1)
     for place in places:
         for follows, factor in factors(place, states, n, period).items():
-            for q in factor:  # a spike where the observer settles would be on every line
+            for q in factor:  # a spike while the observer settles would add to all lines
                 q[: SETTLING + 5] = 0.0
             fastest = 0.45 / period if follows == "1" else min(FASTEST_HZ, 0.1 / period)
             kept = (np.arange(frequency.size) > 0) & (frequency < fastest)

@@ -31,8 +31,8 @@ from zwidth.sim.place import MASSES, Place, masses_and_links
 Floats = NDArray[np.float64]
 Share = dict[str, Any]  # {"from", "to" or "name", "share"}
 BINS = 8
-TELLING = 0.25  # share of the excess that is reported
-DENSER = 1.5  # times the share of the time, from which it is reported
+TELLING = 0.25  # share of the excess from which it is reported
+DENSER = 1.5  # share of the excess over share of the time, from which it is reported
 SLICES = 20
 BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 NEAR_REVERSAL_S = 0.012

@@ -47,11 +47,11 @@ BY_POSITION = (
     "force_ripple@m1",
     "hysteresis@ground",
 )
-MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
+MET = (0.25, 0.05, 0.01)  # initial shares of the samples beyond a stop
 TURNS, LOOK = 2, 4  # choices of the noise for a first fit, and rounds of fitting with each
 JUDGED = 3  # most likely probes, which are fitted to the end
-HOPE = 100.0  # in -2 ln, by which a first look may exceed the cost that a final fit must undercut
-DEPTH = 1e-4  # of the travel, by which a stop must be pressed
+HOPE = 100.0  # in -2 ln: most by which a first fit may cost more than the named effects
+DEPTH = 1e-4  # of the travel: least depth by which a stop must be pressed
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
             for side in (-1.0, 1.0):
                 place = float(np.quantile(q, share if side < 0.0 else 1.0 - share))
                 depth = abs(float(q.min() if side < 0.0 else q.max()) - place)
-                if depth > DEPTH * float(np.ptp(q)):  # less depth is only rest at an end
+                if depth > DEPTH * float(np.ptp(q)):  # else the mass only rests at the end
                     values = {"place": place, "stiffness": force / depth, "side": side}
                     scales = {"place": depth, "stiffness": force / depth}
                     yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)

@@ -32,12 +32,12 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 LONGEST = 2000  # ticks of response kept
 LEAD = 20  # ticks before a unit enters, since an observer starts from the first samples
-HARMONICS = 5  # of a sawtooth
+HARMONICS = 5  # number of harmonics of a sawtooth
 SEED = 0
 FINER = 8  # lines for each reciprocal span
 MOST_BINS = 20  # power of two: finer waves over a long way are not sought
 ONSET = 500
-DRAWS = 4  # of white noise
+DRAWS = 4  # number of draws of white noise
 WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 

@@ -46,16 +46,16 @@ from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.place import MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-# Quantiles of the samples between bins: narrow at the ends, where stops are.
+# Quantiles of the samples that separate bins: narrow at the ends, where stops are.
 QUANTILES = (0.0, 0.005, 0.02, 0.06, 0.15, 0.3, 0.5, 0.7, 0.85, 0.94, 0.98, 0.995, 1.0)
 DRIFTS = 5  # cosines of a drift
-TURNS = 3  # of observer, parameters and strengths
-ROUNDS = 4  # of a fit beside such a force
-HOPE = 10.0  # gain in -2 log likelihood, below which there is no further turn
+TURNS = 3  # most alternations of observer, parameters and strengths
+ROUNDS = 4  # rounds of a fit beside such a force
+HOPE = 10.0  # gain in -2 log likelihood that justifies another turn
 FARTHEST = 1.0  # in x: the most that parameters move beside a force before a fit
 CUBE = "the cube of velocity"
 WAVING = 3  # unknowns of a repeating force: cosine, sine and period
-SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods of an inertia over the travel
+SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods of a varying inertia over the travel
 JUDGED = 3  # shapes of each view whose likelihood is computed
 
 
@@ -174,8 +174,8 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     if best is None:
         return None
     found, one, forced = best
-    # An unfinished fit gains by any change, even by another observer alone.
-    # The fit without the force may stay where it was beside the force: also fit from its own x.
+    # An unfinished fit gains by any change, even by another observer alone. The fit without the
+    # force may not leave the x found with the force: also fit from its own x.
     both, model = (plain.x, forced.x), fitted.model
     beside = replace(fitted, x=forced.x)
     base = min(base, alone(beside, experiments, near))
@@ -285,8 +285,8 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
         turn = 2.0 * np.pi * over / line.period
         both = _settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
         if (line.follows, line.over) == ("acceleration", "position"):
-            # Without m'(x) v^2 / 2 an inertia m(x) would generate energy. The readings of an
-            # eccentric encoder move likewise, but with command and dampers that vary too.
+            # Without m'(x) v^2 / 2 an inertia m(x) would generate energy. With an eccentric encoder
+            # the readings move in the same way, but command and dampers vary too.
             speed = _settled(x[:, n + place.index] ** 2)[:, None]
             both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
         columns.append(both)

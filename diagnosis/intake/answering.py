@@ -12,10 +12,10 @@ forces that are in no device file are added, with their natural sign: on each ma
 quadratic drag, and on the first a spring and a constant force. The remainder of e, with and without
 an s or an n, shows what drives the device.
 
-The product s d makes this an alternating regression: first s without d, then s and d with s d at
-the last s. A regression about s = 1 would not represent a device that is off (s = 0), and a wrong
-mass would compensate a command that is a thousand times too large. For a rigid body s and 1 - d are
-one factor; so d has a narrow prior, and s explains as much as possible.
+Because of the product s d, the regression alternates: first s with d = 0, then s and d, with the
+last s in the product s d. A regression about s = 1 would not represent a device that is off (s =
+0), and a wrong mass would compensate a command that is a thousand times too large. For a rigid body
+s and 1 - d are one factor; so d has a narrow prior, and s explains as much as possible.
 """
 
 from collections.abc import Sequence
@@ -43,15 +43,15 @@ LINEAR = ("masses", "link_springs", "ground_dampers", "link_dampers")
 STEP = 0.2  # share of a linear parameter over which its slope is computed
 LEAST, MORE = -0.5, 1.0  # share by which a linear parameter may be off
 WIDTH = 0.02  # prior deviation of this share, narrow so that the scale explains more
-TURNS = 0.1  # of the rms velocity, over which dry friction changes its sign
-ROUNDS = 3  # of the scale beside the shares
+TURNS = 0.1  # of the rms velocity: width over which dry friction changes its sign
+ROUNDS = 3  # alternations of scale and shares
 LOOKED_AT = 20_000  # ticks
-RATIOS = (1e-4, 1e-2)  # of two observers with different horizons
+RATIOS = (1e-4, 1e-2)  # ratios of two observers with different horizons
 FOLLOWING = 1e2  # ratio of the observer for the motion, which hardly trusts the device
 
 
 def unstepped(device: Device) -> Device:
-    """Return a device without effects, steps and limit: the most that a command may do."""
+    """Return a device without effects, steps and limit, on which a command acts most."""
     unlimited = {"encoder_step": 0.0, "command_step": 0.0, "command_limit": np.inf}
     return device.bare().with_interface(**unlimited)
 
@@ -180,7 +180,7 @@ class Answering:
         return np.column_stack([self.forces, *off])
 
     def flat(self, values: Floats, earlier: int = 0) -> Floats:
-        """Return a command or motion of this recording as it is compared, some samples earlier."""
+        """Return a command or motion, some samples earlier, in the form of the regression."""
         kept = slice(self.kept.start + earlier, self.kept.stop + earlier)
         with np.errstate(all="ignore"):
             return (values[kept] / self.size).ravel()

@@ -36,11 +36,11 @@ FEW = 400  # samples from which a filter is found
 FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # dense enough to separate whole numbers
 STANDS = 0.03  # share of the samples that must show the filter of a still encoder
 ALIKE = 1e-6  # relative difference of equal ratios
-WRITTEN = 1e-3  # of the range, by which unfiltered values of one count may differ
+WRITTEN = 1e-3  # of the range: most by which values of the same count differ
 MOST = 1e5  # counts per sample: more leave no digit for a whole number
 SMOOTHED = (9, 3)  # samples and order of the smoothing that gives the motion
 FAST = 50.0  # counts per sample, above which motion hides whether errors alternate
-STILL = 0.5  # share of the samples without a count, above which motion is too slow to show it
+STILL = 0.5  # share of samples without a count, above which the motion is too slow
 FEWEST = 3.0  # counts by which any sample may stand out
 ALONE = 10.0  # rms errors, beyond which a sample is a fault
 
@@ -170,7 +170,7 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
             error = whole - savgol_filter(whole, *SMOOTHED)
             turned, size = float(error[1:] @ error[:-1]), float(error @ error)
             return Counted(step * reading, step, a, vouched, turned, size)
-        if a == 0.0:  # whole as they are, so any filter by halves or thirds would fit too
+        if a == 0.0:  # already whole, so a filter by halves would fit too
             return None
     return None
 

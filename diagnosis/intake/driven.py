@@ -33,8 +33,8 @@ SMALLEST = 1e-3  # scale of a command that is known to drive forward
 class Driven:
     """The scale of the command that explains a motion best.
 
-    gained: -2 ln likelihood over the command as it is; better: this gain as a factor of the rms
-    error. told: -2 ln likelihood over no command at all.
+    gained: gain of -2 ln likelihood over the recorded command; better: this gain as a factor of the
+    rms error. told: gain of -2 ln likelihood over no command at all.
     """
 
     scale: float

@@ -5,11 +5,11 @@ since strong physics may look like one. So the gate only suspects it (`suspicion
 and the correction, and a search with each reading decides (`take_in.readings`).
 
 A recording is suspected if its command takes energy out of the device, which no passive device can
-supply, or if the device seems driven several times more or less than by the command (`driven`).
-Each output is tested alone. If one output is suspect and another is not, that output is at fault.
-If all are suspect, the command is suspected first, and then all outputs at once, unless steps of
-the size in the device file confirm an output. A fault belongs to its recording; its correction is
-not applied to others.
+supply, or if the device seems driven by several times the command or by a fraction of it
+(`driven`). Each output is tested alone. If one output is suspect and another is not, that output is
+at fault. If all are suspect, the command is suspected first, and then all outputs at once, unless
+steps of the size in the device file confirm an output. A fault belongs to its recording; its
+correction is not applied to others.
 """
 
 import math
@@ -35,7 +35,7 @@ ALIKE_OVER = (1, 4, 16, 64, 256)  # ticks, over which a position and a velocity 
 
 @dataclass(frozen=True)
 class Fault(Valued):
-    """A finding about a recording. kind: a word; wrong: whether the recording is false as it is.
+    """A finding about a recording. kind: a word; wrong: whether the recording needs a correction.
 
     value: its size, by kind; if channels are listed, the factor that corrects them. recording: the
     name of the recording concerned, "" for all.
@@ -235,14 +235,14 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
         told = tell()
     shows = told is not None and told.told > INTAKE.clear
     if told is not None and shows and abs(scale) != 1.0 and 0.0 < told.scale < 1.0:
-        scale *= told.scale  # drag and springs explained a part of it before
+        scale *= told.scale  # drag and springs had explained a part of it
     unclear = scale != 1.0 and told is not None and told.told < INTAKE.clear
     if unclear or _within(scale, INTAKE.off):  # if no command explains it, no other scale does
         scale = -1.0 if taken < -INTAKE.power else 1.0
     if _within(-scale, INTAKE.sign_off):
         scale = -1.0
-    # The device file leaves the scale open, or masses, which are equivalent to it. Most important
-    # for a file that was fitted to this recording, for example with a command of the wrong sign.
+    # The device file leaves the scale open, or masses, which is equivalent. This matters for a file
+    # that was fitted to this recording, for example with a command of the wrong sign.
     known = device.uncertainty
     open_by = math.exp(INTAKE.left_open * max(known.command_scale, known.masses))
     if 1.0 / open_by <= abs(scale) <= open_by:
@@ -328,7 +328,7 @@ def encoder_step_seen(y: Floats) -> float | None:
     The smallest difference of distinct values is the step if all differences are whole multiples of
     it, and enough of them are one step.
     """
-    levels = merged(y, 1e-9)  # by which rounding puts equal values apart
+    levels = merged(y, 1e-9)  # equal values differ by rounding
     if levels.size < 3:
         return None
     gaps = np.diff(levels)

@@ -1,4 +1,4 @@
-"""Detects a command that is recorded at another time than it acts.
+"""Detects a command whose recorded time is not the time at which it acts.
 
 A logger that stamps a command when it receives it, and a motion when it was measured, shifts the
 command by some samples. A regression finds such a shift by n samples (`intake.answering`), with any
@@ -11,10 +11,10 @@ Errors of a device file shift n by a sample or more, the more the longer the hor
 observer. So two observers with different horizons must both find a shift, within a third of each
 other, and the smaller one counts; only a true shift is the same for both. A shift is accepted if it
 makes the errors 1.5 times smaller, or if both observers find more than a sample and one is five
-sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. By
-sigma alone, motion must begin a whole sample before the command acts, with the device file's delay:
-otherwise the file's delay may be wrong, and friction alone made 0.3 % of the errors look so. The
-scale is free, since device files give it inaccurately, but not its sign: a feedback predicts later
+sigma of blocks from zero (`evidence.compared`): a wrong hold (`intake.hold`) is half a sample. If
+only sigma is clear, a late command must be late by a whole sample more than the device file's
+delay, since this delay may be wrong, and friction has made 0.3 % of the errors look late. The scale
+is free, since device files give it inaccurately, but not its sign: a feedback predicts later
 measurements, with the opposite sign, u = -K y.
 
 Tests on faults put into recordings of machines: docs/machines/README.md.

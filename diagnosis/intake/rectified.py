@@ -30,12 +30,12 @@ from zwidth.sim.signs import likeliest_signs
 
 Floats = NDArray[np.float64]
 STAYS = 10  # mean number of ticks on a side
-RATIOS = (1e2, 1e4, 1e6)  # of observers that track the motion in spite of errors of the device
+RATIOS = (1e2, 1e4, 1e6)  # ratios of observers that track the motion despite errors of the device
 BELOW = 0.02  # of the span: how far noise may reach below zero
 BOTH = 0.05  # of the span: least motion to either side of zero after unfolding
 BACK = (1, 2, 4)  # samples by which the motion is continued
 ORDER = 6  # samples that the linear system remembers: three masses
-TURNS = 30  # of signs and system
+TURNS = 30  # most alternations of signs and system
 
 
 @dataclass(frozen=True)

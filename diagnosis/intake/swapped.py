@@ -8,9 +8,9 @@ of the device file (`intake.answering`), and with u and y exchanged and any scal
     the share of the squares of e that remains with the command, over the share without any command,
 
 is then less than half of its value as described. A command of one tone (of at least two periods)
-shows nothing, since each of two sines is the other, scaled and delayed, nor does a drive that was
-switched off in between. Outputs are exchanged automatically; a command and a motion are not, since
-each was converted with the other's unit.
+shows nothing, since each of two sines is the other, scaled and delayed. Nor does a recording in
+which the drive was switched off. Outputs are exchanged automatically; a command and a motion are
+not, since each was converted with the other's unit.
 """
 
 import itertools

@@ -237,8 +237,8 @@ def misread_price(taken: Taken) -> float:
         p(y) = |s|^n p(z),    -2 ln p(y) = -2 ln p(z) - 2 n ln |s|:
 
     so the misfit of z is 2 n ln |s| larger because of its unit alone, which is subtracted here. The
-    same fault in all recordings counts once, otherwise each time; a factor that is no unit is one
-    of 2 ln 1000 / width possible ones.
+    same fault in all recordings counts once, otherwise each time; a factor that is not a unit is
+    one of 2 ln 1000 / width possible ones.
     """
     price = 0.0
     for place, fault in taken.misread:

@@ -34,7 +34,7 @@ ALONG = (25.4e-3, 1e-2, 1e-3)
 
 
 def unit_of(factor: float) -> str | None:
-    """Return the unit of a channel that a factor corrects, None for no unit."""
+    """Return the unit of a channel that a factor corrects, None if it is not a unit."""
     near = min(UNITS, key=lambda u: abs(math.log(abs(factor) / u)))
     return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(1.03) else None
 

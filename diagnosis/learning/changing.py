@@ -27,7 +27,7 @@ One parameter changes at a time (a constant force between two parameters counts 
 found, nor are two steps that cancel each other within as many. A missing law over a state that
 differs between parts of a recording (its level, for example) looks like a change; held-out data
 decide (`answer.changes`). A change that goes with the level of the command, its rms nearby, is
-marked (`WITH_LEVEL`): nothing then tells it from such a law.
+marked (`WITH_LEVEL`): nothing then distinguishes it from such a law.
 """
 
 import itertools
@@ -57,15 +57,15 @@ from zwidth.sim.kernel import Memory
 from zwidth.sim.predict import alone, copied
 
 Floats = NDArray[np.float64]
-BLOCKS = 1000  # at most, at whose beginnings a step may be
-TICKS = 4  # of a block, at least
-NEAREST = 3 * SETTLING  # ticks between a step and an end of the recordings, at least
-PIECES = 16  # parts of a drift, at most; 8 left a gain of 213 of a drift by 7 %
+BLOCKS = 1000  # most blocks; a step may be at the beginning of each
+TICKS = 4  # least ticks of a block
+NEAREST = 3 * SETTLING  # least ticks between a step and an end of the recordings
+PIECES = 16  # most parts of a drift; with 8, a drift by 7 % left a gain of 213
 SHORTEST = 3 * SETTLING  # ticks of such a part
 RATES = np.geomspace(0.05, 1.0, 16)  # time constants of settling, over the recorded time
 ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
-WINDOWS = 24  # each gives a parameter by itself, for the report
-DATES, LOOKS = 150, 3  # ticks tried there, and how often the best may be at the edge
+WINDOWS = 24  # each with its own value of a parameter, for the report
+DATES, LOOKS = 150, 3  # ticks tried there; most repetitions if the best is at the edge
 STEP, DRIFT, SETTLES, RUN = "step", "drift", "settling", "run"
 FOLLOWS, EACH, LEVEL = "follows", "each recording", "level"
 SHAPES = (STEP, DRIFT, SETTLES, RUN, FOLLOWS, EACH)
@@ -77,8 +77,8 @@ CUT = (
     STEP,
     RUN,
     EACH,
-)  # changes that hold in some parts of the recordings, and not in the others
-FEWEST_RUNS = 3  # recordings; one of only two that differs is a step
+)  # changes that are present in some parts of the recordings only
+FEWEST_RUNS = 3  # recordings; with two, a difference is a step
 
 
 @dataclass(frozen=True)
@@ -422,7 +422,7 @@ def _each_its_own(experiments: Sequence[Experiment], names: Sequence[str]) -> li
 def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
     """The parts of a recording, cut at a step or evenly."""
     if step is not None:
-        # A step so near to an end counts as at the end.
+        # A step this near to an end counts as at the end.
         if step < 2 * SETTLING or step > ticks - 2 * SETTLING:
             return [(0, ticks)]
         return [(0, round(step)), (round(step), ticks)]
@@ -436,7 +436,7 @@ class Varied:
     """A fitted change.
 
     hypothesis: with the change, on recordings in parts; without: on the same parts without it.
-    names: of the change, several if every recording has its own value.
+    names: of the change; several if every recording has its own value.
     """
 
     suspect: Suspect

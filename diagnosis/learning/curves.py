@@ -71,9 +71,9 @@ from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 FEW = 7  # points, if the recordings do not determine all of a table
-SAME = 1.0  # -2 ln, within which a law with another origin is equivalent
-NARROWEST = 1e-6  # of the range of a table: two nearer points get no point between them
-ASKED = 3  # places and states that are fitted, beside each set of named effects
+SAME = 1.0  # in -2 ln: largest difference of equivalent laws with different origins
+NARROWEST = 1e-6  # of a table's range: no point is put between points nearer than this
+ASKED = 3  # places and states that are fitted with each set of named effects
 STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  # of a law, in words
 
 
@@ -511,7 +511,7 @@ def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
 
 
 def from_nothing(model: Model, x: Floats) -> Floats:
-    """Return x with positions counted as the device file counts them."""
+    """Return x with the origin of positions of the device file."""
     return np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
 
 

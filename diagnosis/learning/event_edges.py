@@ -53,10 +53,10 @@ PLACES, MOST = 32, 24  # evenly spaced places for knots, and the most knots
 NEAR = (1, 2, 4, 8)  # bins from both ends, where knots may be too
 GRID = 16  # times that are tried first
 CELLS = 200  # bins in which edges are sought first, of several ticks in a longer window
-BESIDE = 2  # of these bins to both sides, in which an edge is then sought to a tick
-TURNS = 3  # of beginning and end, each with the other at its best
+BESIDE = 2  # of these bins on both sides, in which an edge is then sought tick by tick
+TURNS = 3  # alternations of beginning and end, each with the other at its best
 HALF = 0.5  # tick: the force of a tick is at its middle
-LITTLE = 1e-12  # relative information that counts as none, as while a mass sticks
+LITTLE = 1e-12  # relative information that counts as none, such as while a mass sticks
 
 Edge = tuple[float, float, float]  # earliest, most likely, latest
 
@@ -160,7 +160,7 @@ class Polylines:
         deviation = 1.0 / np.sqrt(np.maximum(np.diag(known)[:count], 1e-300))
         ranges = np.maximum(2.0 * float(np.abs(line.values).max()), deviation)
         ranges = np.append(ranges, np.full(len(inner), self.at[-1] - self.at[0]))
-        known += np.diag(12.0 / ranges**2)  # uniform: no direction is known worse
+        known += np.diag(12.0 / ranges**2)  # the variance of the uniform prior
         chosen = 2.0 * math.lgamma(len(inner) + 1.0)
         return line.chi2 / self.wide + freedom(known, ranges.tolist()) - chosen
 

@@ -45,7 +45,7 @@ POINT = 32  # first ticks of an event, within which a slip is sought
 STEPS, WORTH = 8, 0.05  # steps of Gauss and Newton; chi-square that a step must gain
 FAR = 30.0  # deviation of forces, over the largest that a first step finds
 SHORT, MARGIN = 6, 2  # longest pulse with a force for each tick, and further ticks beside it
-HATS = 6  # over a longer one
+HATS = 6  # over a longer pulse
 ABOUT = 3  # ticks about its peak, in which a slip is dated
 
 

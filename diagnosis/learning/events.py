@@ -64,16 +64,16 @@ from zwidth.diagnosis.settings import EVENTS, EVIDENCE
 from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
-TURNS = 24  # of the search, for all events together
+TURNS = 24  # most turns of the search, for all events together
 REFITS = 2  # turns of parameters and noise with events, and of events with that noise
 TOGETHER, GAINED = 6, 2.0  # turns of all, at most; gain in -2 ln that justifies another
 PER_OCTAVE = 2  # durations
 SEEN = 100  # ticks after the onset of a permanent event, by which it is found
-STRETCH = 64  # ticks, each giving its highest gain
+STRETCH = 64  # ticks, of which the highest gain counts
 FEWEST = 12  # stretches from which chance is estimated
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
 GAUSSIAN = 2.0  # mean excess of a chi-square of one
-MEDIAN = 0.6745  # of |z| of a normal
+MEDIAN = 0.6745  # median of |z| of a normal distribution
 SHORTEST_PART = 6 * SETTLING  # ticks beside an event that are searched
 ONSET = 3 * SETTLING  # ticks after which the slowest observer has forgotten its start
 
@@ -290,7 +290,7 @@ def _searched(
         return among_alike, chance
     if abs(among_alike.first - peak.first) > STRETCH:
         return among_alike, chance
-    return peak._replace(gain=among_alike.gain), chance  # dated without scales
+    return peak._replace(gain=among_alike.gain), chance  # the time comes from unscaled gains
 
 
 def _in_ticks(h: Hypothesis) -> list[Floats]:

@@ -34,14 +34,14 @@ from zwidth.diagnosis.settings import LAWS as SETTINGS
 from zwidth.shown import Valued
 
 Floats = NDArray[np.float64]
-COARSE = 5e-3  # of the largest point: error of the curve between points, added to theirs
+COARSE = 5e-3  # of the largest point: error of the curve between points, added to all
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
 WIDTHS = (1e-2, 1e2)
-SINES = (0.05, 0.07, 0.1, 0.15, 0.25, 0.4, 0.7)  # of the range, for a period over 2 pi
+SINES = (0.05, 0.07, 0.1, 0.15, 0.25, 0.4, 0.7)  # starts, over the range: a period / 2 pi
 SUMS = {2: "two", 3: "three", 4: "four", 5: "five"}  # harmonics of a periodic law
 HARMONICS = ("a", "b", "d", "e", "g", "h", "i", "j", "k", "l")  # their sines and cosines
-STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
+STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # starts for widths and corners, as shares of the range
 
 
 @dataclass(frozen=True)
@@ -185,10 +185,10 @@ FORMS = (
          " + {d} {s}", ("a", "b", "d"), ("w",),
          lambda s, t: _columns(np.sign(s), np.sign(s) * np.exp(-np.abs(s / t[0])), s),
          tuple((w,) for w in STARTS), rubs=True),
-    Form("friction and a line, each by direction", "{c} + {a} sign({s}) + {b} {s} + {d} |{s}|",
-         ("c", "a", "b", "d"), (),
+    Form("friction and a line that differ by direction",
+         "{c} + {a} sign({s}) + {b} {s} + {d} |{s}|", ("c", "a", "b", "d"), (),
          lambda s, _: _columns(np.ones_like(s), np.sign(s), s, np.abs(s)), odd=False, rubs=True),
-    Form("friction and a saturation, each by direction",
+    Form("friction and a saturation that differ by direction",
          "{c} + {a} sign({s}) + {b} tanh({s} / {w}) + {d} |tanh({s} / {w})|",
          ("c", "a", "b", "d"), ("w",),
          lambda s, t: _columns(np.ones_like(s), np.sign(s), np.tanh(s / t[0]),
@@ -234,11 +234,11 @@ LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
         "a * sign(s) + b * sign(s) * exp(-abs(s / w)) + d * s",
         (0, 0, 1),
     ),
-    "friction and a line, each by direction": (
+    "friction and a line that differ by direction": (
         "c + a * sign(s) + b * s + d * abs(s)",
         (0, 0, 1, 1),
     ),
-    "friction and a saturation, each by direction": (
+    "friction and a saturation that differ by direction": (
         "c + a * sign(s) + b * tanh(s / w) + d * abs(tanh(s / w))",
         (0, 0, 0, 0),
     ),

@@ -38,9 +38,9 @@ from zwidth.sim.physics.free_law import FORCE, points_of
 
 Floats = NDArray[np.float64]
 FEWEST = {False: 3, True: 2}  # points of a law, by whether it is odd
-REFINED = 3  # times that points are put between those that pay
-ODD = 12  # least initial points of an odd law, before those that do not pay are removed
-JUDGED = 1e-9  # of the largest of P, added to its diagonal, since a sum of forces may be unknown
+REFINED = 3  # most times that points are added between those that pay
+ODD = 12  # least initial points of an odd law
+JUDGED = 1e-9  # of the largest of P, added to its diagonal: a sum of forces may be unknown
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ def _nearest_one_way(there: Known, way: float, first: float | None) -> Floats:
     low, high = np.zeros(count), np.full(count, np.inf)
     if first is None:  # the first level is free
         low[0] = -np.inf
-    else:  # from nothing
+    else:  # steps from zero
         low[0] = 0.0
     if way < 0.0:
         low, high = -high, -low

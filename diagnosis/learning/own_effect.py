@@ -1,4 +1,4 @@
-"""A learned formula, saved as an effect of the user's own (`sim/physics/own.py`)."""
+"""A learned formula, saved as a user's own effect (`sim/physics/own.py`)."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +52,7 @@ def law_of_two_text(
         formula, own = _part(OF_STATE[state], form, numbers, made)
         for key in own:
             formula = re.sub(rf"\b{key}\b", f"{key}{after}", formula)
-        if shifts and after:  # within another formula none of them is a strength
+        if shifts and after:  # none of them is a strength inside another formula
             own = {key: {"start": numbers[key], **value} for key, value in own.items()}
         formulas.append(f"({formula})")
         parameters |= {f"{key}{after}": value for key, value in own.items()}
@@ -101,7 +101,7 @@ def _part(
     for key in own.shape:
         value = numbers[key]
         least, most = sorted((value / WIDER, WIDER * value))
-        if key == "m":  # a place, which may be on either side
+        if key == "m":  # a position, which may have either sign
             least, most = -WIDER * abs(value) - 1e-9, WIDER * abs(value) + 1e-9
         rotary, linear = ("", "") if key == "p" else (_state(effect, r) for r in (True, False))
         parameters[key] = {

@@ -26,11 +26,11 @@ from zwidth.sim.physics.free_law import points_of
 from zwidth.sim.physics.sizes import WAVES
 
 Floats = NDArray[np.float64]
-MOST = 60.0  # periods over the range of the points, at most
+MOST = 60.0  # most periods over the range of the points
 FINE = 8  # trials for each further period
 OF_A_TURN = 12  # points of a period: six harmonics
 BEGUN = 2  # periods that are fitted
-HALF = 0.5  # of the part of a law that is not straight, which a sine must explain
+HALF = 0.5  # share of the part of a law that is not straight that a sine must explain
 QUARTER = 0.25  # change in the number of periods over the range by one scale of a period
 
 

@@ -30,7 +30,7 @@ from zwidth.diagnosis.noise.predictor import SEARCHING, SETTLING, innovations, p
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
 
 Floats = NDArray[np.float64]
-READINGS = 16  # with noise added: s errs by a tenth
+READINGS = 16  # runs with added noise: s is known to a tenth
 TICKS = 7
 CLASSES = 16
 SEED = 0

@@ -24,7 +24,7 @@ from zwidth.sim.physics.points import named_states
 Floats = NDArray[np.float64]
 STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 HOOKS = {"free_amplifier": "command", "free_sensor": "sensor"}
-SLIDES = ("presliding_friction",)  # laws with memory, which sliding exhausts
+SLIDES = ("presliding_friction",)  # laws with memory, which is constant in steady sliding
 ASIDE = ((0.0, 0.0, 0.0), (0.7, -0.4, 0.9), (-1.3, 0.8, -0.5))  # trial values of the other states
 SAME = 1e-9
 

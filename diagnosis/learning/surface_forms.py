@@ -42,8 +42,8 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 Seen = NDArray[np.bool_]
 OF_A_SHARE = 0.3  # scale of a factor of a force; the largest factor is 1
-OF_A_RANGE = 0.1  # of the range of the shifted state: scale of a shift
-NARROW = 1e-4  # of the range of a table, over which its slope is computed
+OF_A_RANGE = 0.1  # scale of a shift, over the range of the shifted state
+NARROW = 1e-4  # width of the differences for slopes, over the range of a table
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Fewer(NamedTuple):
 
 
 class Form(ABC, Valued):
-    """A law over two states; names: of its numbers; sizes: its points along either state."""
+    """A law over two states; names: of its numbers; sizes: numbers of points along each state."""
 
     names: tuple[str, ...]
     sizes: tuple[int, int]
@@ -117,11 +117,11 @@ class Form(ABC, Valued):
 
     @abstractmethod
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return the point along either state whose value is held fixed; -1 for none."""
+        """Return the point along each state whose value is fixed; -1 for none."""
 
     @abstractmethod
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return the law with some of its points along either state, including those in `kept`."""
+        """Return the law with some of its points along each state, including those in `kept`."""
 
     def centred(self, field: Field) -> Physics:
         """Return an equivalent law with a conventional choice of its arbitrary constants."""
@@ -216,7 +216,7 @@ class GridForm(Form):
         return each.reshape(*each.shape[:-2], len(self.names))
 
     def left_out(self) -> Floats:
-        """Return the likely error at each number, along either state."""
+        """Return the likely error at each number, along each state."""
         along = left_out_of(self.rows, self.grid.values)
         across = left_out_of(self.columns, self.grid.values.T).T
         return np.hypot(along, across).ravel()
@@ -298,15 +298,15 @@ class TablesForm(Form):
 
     @abstractmethod
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return the positions of samples along either table (samples,)."""
+        """Return the positions of samples along each table (samples,)."""
 
     def left_out(self) -> Floats:
-        """Return the likely error of either table at each number."""
+        """Return the likely error of each table at each number."""
         both = ((self.states, self.laws), (self.beside, self.others))
         return np.concatenate([left_out_of(states, laws) for states, laws in both])
 
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return which number of either table is fixed; -1 for none.
+        """Return which number of each table is fixed; -1 for none.
 
         The fixed number of a product was the largest at the start of the fit, not necessarily at
         its end.
@@ -317,7 +317,7 @@ class TablesForm(Form):
 
     @abstractmethod
     def varies(self) -> tuple[float, float]:
-        """Return the variation of either table's law, in its own unit."""
+        """Return the variation of each table's law, in its own unit."""
 
     def coarser(self) -> tuple[int, float]:
         """Return which table, 0 or 1, has the larger error over its variation, and this ratio."""
@@ -335,7 +335,7 @@ class TablesForm(Form):
         return self.of(field, tables_of(self.tables.over, first, f, second, g))
 
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return a law of some points of either table."""
+        """Return a law with some of the points of each table."""
         parts = [
             _fewer_of(at, laws, some, fixed)
             for at, laws, some, fixed in zip(
@@ -378,11 +378,11 @@ class ProductForm(TablesForm):
     """A force over one state, times a number over the other."""
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return the positions of samples along either table (samples,)."""
+        """Return the positions of samples along each table (samples,)."""
         return field.along(self.tables.over)
 
     def varies(self) -> tuple[float, float]:
-        """Return the rms of either law, since a product is zero if either is."""
+        """Return the rms of both laws, since a product is zero if one of them is."""
         return float(np.sqrt(np.mean(self.laws**2))), float(np.sqrt(np.mean(self.others**2)))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:
@@ -420,12 +420,12 @@ class ShiftForm(TablesForm):
         )
 
     def seen(self, field: Field) -> tuple[Floats, Floats]:
-        """Return the positions of samples along either table (samples,), the first one shifted."""
+        """Return the positions of samples along each table (samples,), shifted along the first."""
         first, second = field.along(self.tables.over)
         return first + table_at(self.tables.second, second), second
 
     def varies(self) -> tuple[float, float]:
-        """Return the scatter of either law, since a constant in either is only another origin."""
+        """Return the scatter of both laws, since a constant in one is only another origin."""
         return float(np.std(self.laws)), float(np.std(self.others))
 
     def moved(self, field: Field, by: float, more: float) -> Physics | None:

@@ -11,7 +11,7 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import points_of, table_values
 
 Floats = NDArray[np.float64]
-BOTH_WAYS = 0.3  # of the largest state on one side, which the other must reach for an odd law
+BOTH_WAYS = 0.3  # share of the largest state on one side that the other must reach for an odd law
 MET = 10  # samples nearest to a point; fewer do not determine the force there
 
 

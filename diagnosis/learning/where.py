@@ -35,8 +35,8 @@ from zwidth.sim.physics.sizes import WAVES
 from zwidth.sim.place import masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a point
-RATIOS = (1.0, 1e-3)  # of observers with which laws are begun, over the most likely one
+SHARE = 0.1  # scale of a point, over the force that moves a recording, or the motion
+RATIOS = (1.0, 1e-3)  # ratios of observers in first fits of laws, over the most likely one
 ROUNDS = 4
 CLOSES = 1e-3  # of a period: its least distance beyond the last point
 

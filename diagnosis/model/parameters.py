@@ -10,7 +10,7 @@ zero, and is guessed more often than measured, since it includes bearings and ba
 file's value sinh(x) is x; far from it another factor of ten costs no more than the first. If it
 were linear there too, twenty times the damper would cost 1400, more than any drag of the library. A
 damper of a link stays linear: play and friction in the link look like a much larger one, and a
-search does not return from a refit that has gone so far. The gain of the command is free only if
+search does not recover from a refit that has moved so far. The gain of the command is free only if
 the file gives its uncertainty, since motion alone does not distinguish it from masses, springs,
 dampers and forces together.
 """
@@ -36,13 +36,13 @@ from zwidth.sim.physics.effect import Parameter as Declared
 Floats = NDArray[np.float64]
 JITTER_SCALE = 0.01  # of the period: mean time by which commands arrive early or late
 SKEW_SCALE = 0.2  # of the period: time by which outputs are read after (or before) commands act
-ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
+ORIGIN_SCALE = 0.1  # of the rms motion: rest position of a spring to ground
 # Scales by which a mass, spring or gain may move: with 0.3 a factor exp(1.5) = 4.5. The prior gives
-# its probability; a bound that is reached gives no information. Carts whose builders' file has
-# 2/5 of the mass reached one at three scales, and the rest of the mass became a mode, with a delay
-# and a ripple beside it; with five, friction is found on both carts.
+# its probability; at a bound the fit gives no information. Carts whose builders' file has 2/5 of
+# the mass reached one at three scales, and the rest of the mass became a mode, with a delay and a
+# ripple beside it; with five, friction is found on both carts.
 FARTHEST = 5.0
-FARTHEST_DAMPER = 9.0  # asinh of how many scales a damper to ground may move: 4000
+FARTHEST_DAMPER = 9.0  # asinh of the scales by which a damper to ground may move: 4000
 DAMPER_FLOOR = 0.1  # of the mean damper: least uncertainty of a damper of nearly zero
 
 FACTORED = ("mass", "spring", "k0", "gain")
@@ -209,7 +209,7 @@ class Model:
     def parameters(self) -> list[Parameter]:
         """All free parameters, linear ones first."""
         found = self._with_own(self.linear, 0)
-        for one in self._effect_parameters():  # each with its own, so that a further effect is last
+        for one in self._effect_parameters():  # with its own values, so that a new one is last
             found += self._with_own(one, len(found))
         places = {p.name: i for i, p in enumerate(found)}
         return found + [
@@ -399,7 +399,7 @@ class Model:
     def _chain_at(self, values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """The values of the chain's fields for values (..., linear) of the linear parameters."""
         n = self.nominal.chain.masses.size
-        ends = (0, n, 2 * n, 3 * n - 1, 4 * n - 2)  # as `linear_parameters` has them
+        ends = (0, n, 2 * n, 3 * n - 1, 4 * n - 2)  # in the order of `linear_parameters`
         fields = [np.ascontiguousarray(values[..., a:b]) for a, b in itertools.pairwise(ends)]
         masses, dampers, springs, links = fields
         k0 = self._one(values, "k0", self.nominal.chain.ground_spring)
@@ -582,9 +582,8 @@ class Model:
     def arriving_change(self, plain: Experiment) -> Floats:
         """Return the change of the command that begins to act at each reading (ticks,).
 
-        It goes on from the part before. Where there is none, the first command is taken as old: a
-        part may begin in the middle of a motion, and a change from 0 would be a kick in its first
-        reading.
+        It continues from the part before. Without one, the first command counts as old: a part may
+        begin in the middle of a motion, and a change from 0 would be a kick in its first reading.
         """
         parts = [plain]
         while (before := parts[0].before) is not None:

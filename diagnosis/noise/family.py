@@ -1,7 +1,7 @@
 """The noise models from which a hypothesis may choose, all evaluated at once.
 
-A model of the noise consists of the share of the motion that is disturbance (the observer's ratio
-of process to measurement variance), and the spectrum and covariance of the innovations (the filters
+A noise model consists of the share of the motion that is disturbance (the observer's ratio of
+process to measurement variance), and the spectrum and covariance of the innovations (the filters
 that whiten them). For one device at one x, the members of the family differ only in their
 observers, so they are lanes of one population: the same device with different gains.
 """
@@ -48,9 +48,9 @@ Motions = tuple[Floats, ...] | None
 # forgets in 300 ticks; coarse encoders on quiet machines need 1e-9 (43 in -2 ln over 1e-7 on a
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
-SLOWER = 1e-2  # of the likeliest ratio, of an observer that leaves more of missing physics to see
+SLOWER = 1e-2  # of the likeliest ratio: an observer that hides less of missing physics
 TRUSTING = (1e-2, 1.0, 1e2, 1e4)  # times the ratio of the observer that follows a recording
-WORTH = 1.0  # in -2 ln, for which a motion is followed again
+WORTH = 1.0  # gain in -2 ln that justifies following a motion again
 NEAR_RATIOS = 2.5  # decades about the last ratio, within which the next is sought
 
 
@@ -100,7 +100,7 @@ def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise model of a hypothesis: its observer, and what that found of each recording.
+    """The noise model of a hypothesis: its observer, and its results for each recording.
 
     motions: with play, of each recording (`Experiment`), else None. cost: -2 log likelihood, up to
     a constant. weighed: the weighted innovations (samples,).
@@ -250,8 +250,8 @@ class _Followed:
 def followed_by(device: Device, experiment: Experiment, observer: Observer) -> Experiment:
     """Return the recording with the motions along which an observer follows it, if it does.
 
-    With play the likeliest of the motions counts along which observers follow it that trust their
-    model more or less: one may take the wrong side of a gap, and be wrong for many contacts.
+    With play, observers that trust the model more or less follow different motions, and the
+    likeliest counts: one may take the wrong side of a gap, and be wrong for many contacts.
     """
     gain = observer.gain
     if not (isinstance(gain, Changing) and gain.follows):

@@ -6,9 +6,9 @@ gains of Kalman's filter follow it,
     P_(k+1) = A (P_k - m_k K_k c P_k) A' + Q,    K_k = P_k c' (c P_k c' + R)^-1,
 
 where m_k = 1 if sample k was measured and 0 if it was lost, for the linear model and the noise of
-the steady observer (`noise.steady`). P_0 is its P and some units of noise in each position, and as
-many a tick in each velocity: ten where the position is read or the machine begins at rest, or as
-many as it moves at first (`unrest`). After some ticks K is the steady gain. What others cost:
+the steady observer (`noise.steady`). P_0 is its P plus some units of noise in each position, and as
+many per tick in each velocity: ten if the position is read or the machine begins at rest, else as
+many as it moves at first (`unrest`). After some ticks K is the steady gain. Simpler gains cost:
 
 - At the beginning a steady gain forgets a wrong state slowly. An initial state by least squares was
   fitted to the first samples too, which the cost of a fit leaves out, so that fits and noise in
@@ -19,7 +19,7 @@ many as it moves at first (`unrest`). After some ticks K is the steady gain. Wha
 - After each gap of 10 samples, under an unknown force as large as the command, a link's damper was
   wrong by 5 of its standard errors with the steady gain.
 
-With play, A is another at each tick: in contact and without it, and where contact begins or ends a
+With play, A differs from tick to tick: in contact, without it, and where contact begins or ends a
 little earlier or later. It is found along the motion that the observer predicted last
 (`sim/extended.py`), and is fixed during a fit. Example: two masses with play of a third of the
 travel, two frictions and gravity, both positions measured, 2400 samples, no force but the command.
@@ -47,10 +47,10 @@ from zwidth.sim.plant import hold
 Floats = NDArray[np.float64]
 Lost = NDArray[np.bool_]
 AT_REST, FASTEST = 10.0, 100.0  # units of noise: at the first sample, and in a tick
-BEGINNING = 10  # samples that tell how fast a machine moves at first
+BEGINNING = 10  # samples that determine how fast a machine moves at first
 SETTLED = 1e-3  # of the steady gain: change below which a gain is the steady one
-FIRST, MOST = 250, 2000  # ticks until then: tried first, and at most
-UNSEEN = 0.01  # of the variance of random accelerations of m1, those of further masses
+FIRST, MOST = 250, 2000  # ticks until then: first trial, and most
+UNSEEN = 0.01  # variance of random accelerations of further masses, over that of m1
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def along(
     follows = any(g.follows for g in made)
     known = motions if follows else None
     if known is not None and known.shape[1] != made[0].spread.p.shape[0]:
-        known = None  # of a device with other states
+        known = None  # it belongs to a device with other states
     if len(made) < len(gains) or (follows and known is None):
         return [steadily(g) for g in gains], np.zeros(0, dtype=np.int64)
     gone = lost if lost is not None and lost.any() else None

@@ -25,8 +25,8 @@ from zwidth.diagnosis.settings import ADEQUACY
 
 Floats = NDArray[np.float64]
 LAST = 8  # ticks over which a changing command counts: delays and observers spread it
-TURNS = 5  # of weights and coefficients
-QUIETEST = 0.02  # share of the variance that does not follow the command, at least
+TURNS = 5  # alternations of weights and coefficients
+QUIETEST = 0.02  # least share of the variance that does not follow the command
 
 
 def loudness(white: Sequence[Floats], commands: Sequence[Floats]) -> list[Floats]:

@@ -30,9 +30,9 @@ from zwidth.sim.predict import GROUND, Gains, Outputs, alone, freely
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
-ORDER = 24  # of the filters that whiten, at most
-SPARED = 100  # samples for each coefficient, at least
-MEMORY = 24.0  # lags over which they see correlation
+ORDER = 24  # largest order of the filters that whiten
+SPARED = 100  # least number of samples for each coefficient
+MEMORY = 24.0  # lags over which they account for correlation
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 # Weights of the first samples in the slope, at the first, of the parabola through them.
 SLOPE = np.linalg.pinv(np.vander(np.arange(10.0), 3, increasing=True))[1]

@@ -57,7 +57,7 @@ from zwidth.sim.predict import GROUND
 from zwidth.sim.reading import Places
 
 Floats = NDArray[np.float64]
-FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
+FLOOR = 1e-18  # variance added to every state per tick, in units of the measurement's
 DOUBLINGS = 60  # 2^60 ticks: a P that has not settled by then never does
 SETTLED = 1e-12  # relative change of P at which it has settled
 UNSEEN = 1e-6  # per tick: apparent growth of an unobserved position
@@ -317,7 +317,7 @@ def _of_motion(
     known = g @ p @ closed + moved[:, 0]
     x = np.linalg.solve((np.eye(p.shape[0]) - closed).T, known)
     whole = back @ gain
-    whole[: plant.dof] += np.linalg.solve(innovation, seen @ x)  # all masses stand on m1
+    whole[: plant.dof] += np.linalg.solve(innovation, seen @ x)  # all positions are relative to m1
     beside = np.outer(np.arange(plant.size) < plant.dof, back @ x)
     known_as = Spread(back @ p @ back.T + beside + beside.T, a, c, process, noise)
     return Steady(whole, np.sqrt(np.diag(innovation))), known_as

@@ -31,9 +31,9 @@ from zwidth.sim.trace import Trace
 Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_(?:m([1-5])|link([1-4])([2-5]))$")
 SHORTEST = 200
-RETURNS = 1  # times the length of a gap, until an observer has found the state again
-BLOCKS = 50  # in which pauses are sought
-PAUSE = 5  # blocks, at least
+RETURNS = 1  # gap lengths after a gap until an observer has found the state again
+BLOCKS = 50  # of a recording, in which pauses are sought
+PAUSE = 5  # least blocks of a pause
 STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that of the recording
 STEADY = 0.05  # the same for the command's means over blocks; a ramp exceeds it
 LATE = 0.25  # of the period: largest mean lengthening of the intervals of a late loop
@@ -48,7 +48,7 @@ class Placed(Protocol):
 
     @property
     def dof(self) -> int:
-        """Index of the first velocity."""
+        """Index of the first velocity among the states."""
         ...
 
     @property
@@ -116,8 +116,8 @@ class Experiment(Valued):
     unknown cause on the masses. begins [s]: time since the start of the recording; notes: sentences
     for the answer. before: the earlier part, if this is the rest of a recording; an observer
     follows it first, since it determines states that later samples may not (a position, if only
-    velocity is measured; the side of a play). changes: known differences of the device. pushed:
-    the drive, if its force gives the first output. differenced: the filter coefficient of positions
+    velocity is measured; the side of a play). changes: known differences of the device. pushed: the
+    drive, if its force gives the first output. differenced: the filter coefficient of positions
     that were velocities. folded: whether a rectifying sensor was unfolded. shares: the share of
     each change of a parameter (`Model.varying`), zero if not listed. base (ticks,): acceleration of
     the base, held for a tick, if recorded; pushes (ticks, n): likewise forces on the masses.
@@ -127,8 +127,8 @@ class Experiment(Valued):
     recordings that share the value. bridged (ticks,): where nothing was measured and `measured` is
     interpolated; None for nowhere. uncounted (ticks,): samples that do not judge: bridged ones, and
     those that the observer needs after each gap to find the state again. motions (ticks, n, n): how
-    a small difference in a device's n states goes on over each tick, along the motion that an
-    observer of it found last; None if not known.
+    a small difference in a device's n states propagates over each tick, along the motion that its
+    observer found last; None if not known.
     """
 
     period: float
@@ -198,7 +198,7 @@ class Experiment(Valued):
 
     @property
     def own_names(self) -> list[str]:
-        """Names of its own values (`model.own_values`): of parameters, origin and zeros."""
+        """Names of own values of this recording (`model.own_values`), with origin and zeros."""
         own = [f"{target} in {word}" for target, word in self.own]
         further = [o.mass + 1 for o in self.outputs if o.tells_position and o.mass > 0]
         zeros = [f"zero_m{mass} in {self.name}" for mass in dict.fromkeys(further)]
@@ -510,7 +510,7 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
         else:
             found.append(Output(match[1], ends[0] - 1, ends[1] - 1 if ends[1:] else None))
     found.sort(key=lambda o: o.less is not None)  # motions of masses before deflections
-    if trace.origin == "simulated":  # a log has every state; only the encoder counts
+    if trace.origin == "simulated":  # a log has every state; only the encoder's reading is used
         found = [o for o in found if o.name == "position_m1"]
     return found, beyond
 
@@ -553,7 +553,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     over = ", also over samples that lack," if lacking else ""
     after = f"first by {far:.4g} s after {kept.t[first - 1]:g} s"
     parts = [replace(whole.part(a, b), begins=float(kept.t[a] - trace.t[0])) for a, b in pairs]
-    still = np.ptp(whole.command) == 0.0  # then parts need no command
+    still = np.ptp(whole.command) == 0.0  # then parts need not have one
     parts = [p for p in parts if np.all(np.ptp(p.measured, axis=0))]
     parts = [p for p in parts if still or np.ptp(p.command)]
     if not parts:
@@ -570,7 +570,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
         f"the clock of {name} jumps{over} {count}, {after}: it is taken as {one} without jumps"
         f"{short}"
     )
-    rest = [replace(part, notes=()) for part in parts[1:]]  # said once
+    rest = [replace(part, notes=()) for part in parts[1:]]  # mentioned once
     return [replace(parts[0], notes=(*whole.notes, note)), *rest]
 
 

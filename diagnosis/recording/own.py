@@ -5,8 +5,8 @@
     position = "stiff"                    # the origin of positions
     "coulomb_friction@m1.level" = "dry"   # a parameter of an effect, in the file or found
 
-An encoder counts from where it was switched on, and a carriage that was taken off its pinion and
-put back is elsewhere on it. `position` frees the parameters of effects that depend on the origin of
+An encoder counts from where it was switched on, and a carriage that was taken off its pinion may be
+put back elsewhere. `position` frees the parameters of effects that depend on the origin of
 positions (the phase of a ripple, the angle of a pendulum).
 """
 

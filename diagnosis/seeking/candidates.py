@@ -100,6 +100,6 @@ def starts_of(effect: Effect, place: Place, sizes: Sizes) -> list[Start]:
     return [
         Start(Physics(effect, str(place), values), scales, bounds)
         for values, scales in effect.starts(sizes, place)
-        # a start from very stiff links may lie beyond what is allowed
+        # a start for very stiff links may be out of bounds
         if within_bounds(effect, values)
     ]

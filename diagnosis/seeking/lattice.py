@@ -41,15 +41,15 @@ from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 PROMISING = 4.0  # chi-square by which a wave must exceed the highest of noise
-AROUND = 41  # steps tried around a peak, two lines to either side
+AROUND = 41  # steps tried around a peak, up to two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
 FINEST_SHARE = 1e-6  # of the span: the finest step that is sought
 ROUNDS = 3
 SPREAD = 0.15  # of a step: initial uncertainty of positions
 FIRST_RATE = 1e-3  # initial rate of lost commands
 MEMORY = 400  # ticks that a lost command is remembered
-MOST_LOST = 0.1  # of the commands: more lost ones are a delay and no accident
-MOST_SEEN = 0.5  # the same, of the commands whose loss can be detected
+MOST_LOST = 0.1  # of the commands: if more seem lost, it is a delay
+MOST_SEEN = 0.5  # the same as a share of the commands whose loss can be detected
 SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 

@@ -33,11 +33,11 @@ from zwidth.sim.place import Place, label_of, place_at
 
 Floats = NDArray[np.float64]
 LOWEST_HZ = 3.0
-HIGHEST = 0.4  # of the sampling rate
+HIGHEST = 0.4  # of the sampling rate: the highest frequency
 FREQUENCIES = 32
-DAMPINGS = (0.03, 0.12, 0.5)  # of the critical one
+DAMPINGS = (0.03, 0.12, 0.5)  # damping ratios that are tried
 COUNT = 3  # starts for each host
-HEAVIEST = 0.5  # of the host
+HEAVIEST = 0.5  # largest mass, over the host's
 
 
 @dataclass(frozen=True)

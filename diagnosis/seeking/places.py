@@ -10,7 +10,7 @@ from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place, place_at
 
-ELSEWHERE = ("lattice", "folding")  # effects that are sought otherwise than by starts
+ELSEWHERE = ("lattice", "folding")  # effects that are not sought by starts
 
 
 def open_places(device: Device, file: Device | None = None) -> list[tuple[Effect, Place]]:

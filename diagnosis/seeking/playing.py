@@ -43,7 +43,7 @@ from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 RATIOS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # of observers
-SPREAD = 0.5  # of a population's first generation, in x
+SPREAD = 0.5  # standard deviation of the first generation, in x
 APART = 1.2  # ratio of successive gaps
 BEYOND = 2.0  # factor by which gaps go beyond the starts at both ends
 
@@ -94,10 +94,10 @@ def arrivals(
 ) -> Iterator[tuple[Model, Arrived]]:
     """Yield the results of populations that start from a scan, each with its observer.
 
-    experiments: the part used for populations; members, generations: of a population that starts
-    near. These start farther away, with twice as many members and half as many generations: 16
-    members did not reach the truth on the two masses above, and 40 generations come as near as 80,
-    near enough for a fit.
+    experiments: the part used for populations; members, generations: for a population that starts
+    near the truth. These populations start farther away, with twice as many members and half as
+    many generations: on the two masses above, 16 members did not reach the truth, and 40
+    generations came close enough for a fit, as close as 80.
     """
     plan = Generations(2 * members, max(generations // 2, 1), SPREAD)
     asked = [partial(evolve, experiments, s.model, [s.x], s.ratio, plan) for s in shown]
@@ -144,13 +144,13 @@ def _tried(
     there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
     contact = steadily(there.observer.gain)[:, : len(experiments[0].outputs)]
     links, seen = links_with_play(device), model.seen(experiments[0], x)
-    gain = with_apart(device.bare(), links, seen, contact)  # as `noises` has them
+    gain = with_apart(device.bare(), links, seen, contact)  # as in `noises`
     observer = replace(there.observer, gain=with_steady(there.observer.gain, gain))
     without, *found = Landscape(there.experiments, observer, wide).costs(asked)
     costs = np.nan_to_num(np.array(found), nan=np.inf)
     best = int(np.argmin(costs))
     gap = float(gaps[best])
-    # A fit moves in steps of the scale: with that of the least gap it would not move at all.
+    # A fit moves in steps of the scale, and that of the least gap would be too small.
     physics = replace(first.physics, values={key: gap})
     played = model.with_effect(physics, {key: gap}, first.bounds)
     begin = played.within(model.beside(x, [0.0]))

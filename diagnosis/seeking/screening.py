@@ -4,7 +4,7 @@ Scores depend on the horizon. One sample ahead, after whitening, an effect near 
 detection shows by its exact shape. A strong effect has distorted the parameters and the noise model
 and does not show there, but it does over a long horizon (an observer that trusts the model). So a
 hypothesis has several views: with its own noise, and with slow observers at its own parameters and
-at those of the device file, in case the refit has gone astray.
+at those of the device file, in case the refit is wrong.
 """
 
 from collections.abc import Mapping, Sequence

@@ -17,8 +17,8 @@ from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.sizes import QUARTER, Sizes
 from zwidth.sim.place import Place, label_of, place_at
 
-FINEST = 1e-3  # of the travel
-PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.seeking.screen`)
+FINEST = 1e-3  # of the travel: the finest period
+PHASES = (0.0, QUARTER)  # two phases determine any other (`diagnosis.seeking.screen`)
 
 
 def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
@@ -48,7 +48,7 @@ def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
             for peak in found:
                 if peak.gained >= price:
                     turned = dict(zip(own[place], peak.turned, strict=True))
-                    turned.pop("")  # these have the effect's own phase
+                    turned.pop("")  # they have the phase of the effect
                     starts += _at_period(effect, place, sizes, peak.period, span, turned)
     return starts
 

@@ -1,15 +1,15 @@
-"""Fits again with mass moved across a link, where a recording hardly tells on which side it is.
+"""Fits again with mass moved across a link, if a recording hardly shows on which side it is.
 
-Of two masses behind a spring of which only the first is measured, slow motion gives the sum, and
-the first's standstill at sqrt(k / m_2) the ratio of spring and second mass. The split of the sum
-shows only above that frequency. Where this is weak, -2 log likelihood has several minima along
+Of two masses behind a spring of which only the first is measured, slow motion gives their sum, and
+the antiresonance of the first, sqrt(k / m_2), the ratio of spring and second mass. How it is
+divided shows only above that frequency. If this is weak, -2 log likelihood has minima along
 
     m_1 -> f m_1,    m_2 -> m_1 + m_2 - f m_1,    k -> k m_2' / m_2,
 
-because the most likely noise differs from one to the next. A descent ends in the one in which it
-begins, and its quadratic form knows of no other. (On a cart of the exam, a device file with a third
-of m_1 ended 48 above the truth, with intervals of a few percent about wrong values.) So the fit is
-begun again at two values of f. Starts at another k alone come back to the first minimum.
+each with another most likely noise. A descent ends in the minimum in which it begins, and its
+quadratic form does not show the others. (On a cart of the exam, a device file with a third of m_1
+ended 48 above the truth, with intervals of a few percent about wrong values.) So the fit is begun
+again at two values of f. Starts at another k alone come back to the first minimum.
 
 Limits: one link at a time, and no starts where every mass is known (`PURSUIT.loose_mass`).
 """
@@ -27,7 +27,7 @@ from zwidth.diagnosis.selection.hypothesis import MUCH, Hypothesis, judged, sett
 from zwidth.diagnosis.settings import PURSUIT
 
 Floats = NDArray[np.float64]
-FACTORS = (0.4, 2.5)  # of the masses before a link
+FACTORS = (0.4, 2.5)  # factors on the masses before a link
 
 
 def across(h: Hypothesis) -> Hypothesis:

@@ -25,14 +25,14 @@ from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
 Prices = tuple[tuple[str, float], ...]
-SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
+SWEEP = -math.log(SMALLEST)  # ln of the range of a magnitude, equally likely in every octave
 SHORTEST_BLOCK = 50  # samples
-MOST_TURNS, MUCH = 10, 10.0  # of a fit; gain in misfit that justifies a further turn
+MOST_TURNS, MUCH = 10, 10.0  # turns of a fit; gain in misfit that justifies a further one
 WORTH = 1.0  # gain in misfit below which a fit has ended
 MORE = 2.0  # the same gain, for a fit to the end
-FARTHER = (2.0, 4.0)  # times the step of a turn, each of what the one before reached
+FARTHER = (2.0, 4.0)  # times the step of a turn, each from the end of the one before
 HORIZONS = 4.0  # horizons over which the dependence of errors is measured
-FURTHER = 3  # new fits after one that ended as far from its start as allowed
+FURTHER = 3  # new fits after one that ended at its largest allowed distance
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, relative to the device file's own
 
@@ -87,7 +87,7 @@ class Hypothesis:
 
     @property
     def shrunk(self) -> str:
-        """The effect of which alone something is not physical (effect@place), "" if not of one."""
+        """The only effect (effect@place) that is not physical, "" if there is not exactly one."""
         whose = {label for _, label in self._unphysical}
         return whose.pop() if len(whose) == 1 else ""
 
@@ -237,12 +237,12 @@ def settled(
     set.) turns: the most, but more while they gain much. A fit that ends at the limit of its
     allowed distance from the start (`Parameter.walks`) has not converged, and continues.
 
-    to_the_end: go on while a turn gains anything or the noise changes, by which the least cost
-    moves, and along each turn's step (`_farther`). A clean machine of three masses else ended 16 in
-    -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is asked for an answer
-    without effects and for near rivals. Where physics is missing, a refit that is fitted to the end
-    imitates it: a search that began there lost the friction of a rack and of two other machines.
-    Asked for all fits, tables of a law took about four times as long.
+    to_the_end: continue while a turn gains anything or changes the noise, which moves the minimum,
+    and continue along each turn's step (`_farther`). Without this, a clean machine of three masses
+    ended 16 in -2 ln too high, with half of its parameters off by 3 to 5 sigma. It is used for an
+    answer without effects and for near rivals. Where physics is missing, a refit that is fitted to
+    the end imitates it: a search that began there lost the friction of a rack and of two other
+    machines. Used in all fits, it made tables of a law take about four times as long.
     """
     best = _settled(begun, turns, rounds, to_the_end)
     for _ in range(FURTHER):
@@ -256,7 +256,7 @@ def settled(
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
         best = _settled(again, turns, rounds, to_the_end)
-    if best.has_valleys:  # follow the recordings anew
+    if best.has_valleys:  # find the motions again
         near = best.family.near(best.ratio)
         anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
         best = replace(anew, ended=best.ended) if anew.cost.misfit < best.cost.misfit else best

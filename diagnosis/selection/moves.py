@@ -39,7 +39,7 @@ from zwidth.sim.place import label_of
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
 NO_SIGN = PURSUIT.no_sign
-SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the populations from there
+SCANNED_TICKS = 3000  # of all recordings together, in scans of play and their populations
 TELLING_TICKS = 10 * SETTLING  # least ticks of a recording by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: enough to show strong effects
 BENT = 0.05  # in x: a fit that moved farther is also viewed at its device file
@@ -158,7 +158,7 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 def nearest(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one more effect that stands out with the hypothesis's own noise.
 
-    All starts are scored in this view: those of a longer horizon are of other strengths too.
+    All starts are scored in this view, since those of a longer horizon have other strengths.
     """
     yield from _more(h, effort, itertools.islice(_views(h), 1), NO_SIGN, every=True)
 

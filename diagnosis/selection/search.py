@@ -67,7 +67,7 @@ Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 WORTH_SAYING = 2.0  # [s]: fits that take longer are announced
 GROWN_TICKS = 10000  # of all recordings together, to which populations are fitted
-AGAIN, STILL = 6, 10.0  # turns about the best, and the gain in misfit that justifies another
+AGAIN, STILL = 6, 10.0  # most turns about the best; gain in misfit that justifies another
 MOST_APART, LEAST_LEFT = 8, 0.5  # parts set apart in turn; least share of ticks left to search
 MOST_ASKED = 20  # effects of each view that may explain an apparent event
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x; 1 is the uncertainty of a device file
@@ -98,10 +98,10 @@ class Search:
     """The state of a search: the cheapest fit of each structure that was tried.
 
     plain: without physics; best: the cheapest believed hypothesis. on_bounds: fits that ended at
-    unphysical values: no answers, but a richer law among them is a rival of what it contains.
-    clear: whether every clear sign led to a believed effect. apart: how often a part of the
-    recordings was set apart because of an event; recorded: number of ticks before that. slower: the
-    judge of a longer horizon, None if this search uses it already. most: member-ticks of the
+    unphysical values: not answers, but a richer law among them is a rival of the law that it
+    contains. clear: whether every clear sign led to a believed effect. apart: how often a part of
+    the recordings was set apart because of an event; recorded: number of ticks before that. slower:
+    the judge of a longer horizon, None if this search uses it already. most: member-ticks of the
     account from which nothing more is fitted.
     """
 
@@ -241,7 +241,7 @@ def two_at_once(found: Search) -> bool:
 
 
 def one_more(h: Hypothesis, than: Hypothesis) -> bool:
-    """Whether a hypothesis has one effect more than another, and all of its."""
+    """Whether a hypothesis has all effects of another, and one more."""
     return than.labels < h.labels and len(h.labels) == len(than.labels) + 1
 
 
@@ -291,7 +291,7 @@ def _ended(found: Search) -> None:
         fits = [(h.model.label, partial(settled, h, to_the_end=True)) for h in near]
         again = _each("candidates", fits)
     for h in again:
-        if h.against_physics:  # no answer, even if it was one before
+        if h.against_physics:  # not an answer, even if it was one before
             found.tried.pop(h.labels, None)
     kept = found.sound(again)
     simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
@@ -403,7 +403,7 @@ def explaining(
 ) -> Hypothesis | None:
     """The best with one more effect that is believed and explains an apparent event, None if none.
 
-    least: what the effect must gain to first order. gone: whether the event is none any more. All
+    least: what the effect must gain to first order. gone: whether the event has disappeared. All
     such effects are fitted to the end, not only the likeliest: friction that acts all the time
     gains more than a limit that is reached twice, and leaves the event as it is.
     """
@@ -512,7 +512,7 @@ def _exchanged(found: Search) -> None:
     An alternative becomes the rival of an effect that stays. As soon as one costs less, the search
     continues from there.
     """
-    left: set[frozenset[str]] = set()  # left for a cheaper hypothesis before all moves were tried
+    left: set[frozenset[str]] = set()  # left for cheaper ones before all their moves
     for _ in range(4 * found.effort.effects):
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
@@ -530,7 +530,7 @@ def _exchanged(found: Search) -> None:
                 found.best = min(better, key=lambda n: n.cost.total)
                 found.say(f"better: {found.best.model.label}")
                 break
-        else:  # no alternative costs less, or the search was there before
+        else:  # no alternative costs less, or it was tried before
             found.exchanged.add(h.labels)
             found.best = min([h, *less], key=lambda n: n.cost.total)
 
@@ -551,7 +551,7 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     labels = effect_labels(h.model.effects)
     for i in sorted(range(len(labels)), key=lambda i: without.get(labels[i], math.inf)):
         yield _tried(found, found.moves.replacing(i), effort.beside)
-    if effort.generations:  # compared with a law that it contains, in the valley of both
+    if effort.generations:  # so that replacements are compared in their best valleys
         less = [
             n
             for n in new
@@ -667,7 +667,7 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
 
     Costs under one observer can be compared, so the cheapest first fits of each view continue;
     their own noise then decides which are fitted to the end. A fit that ends at unphysical values
-    is no answer (`Search.on_bounds`).
+    is not an answer (`Search.on_bounds`).
     """
     if spent() > found.most:
         raise Enough
@@ -708,7 +708,7 @@ def _to_their_end(
     """Fit the most likely hypotheses to the end, the next ones if none ends at physical values."""
     near = [h for h in order if _comes_near(found, h, h.labels in akin)]
     finished: list[Hypothesis] = []
-    if order and not near:  # a far rival is reported without a fit
+    if order and not near:  # a distant rival is reported without a fit
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
     while near and not finished:
         likely = _likely(near, ended, akin)

@@ -47,7 +47,7 @@ from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import Device
 
-LEAST = 3  # hypotheses fitted over a longer horizon
+LEAST = 3  # least number of hypotheses fitted over a longer horizon
 NEXT = 3  # hypotheses tried after held-out data rejected the best
 TELLING = 30  # free runs: fewer cannot reject an answer
 NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show only in one-step errors

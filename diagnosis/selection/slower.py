@@ -28,7 +28,7 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judge
 from zwidth.diagnosis.settings import PURSUIT
 
 FAR_S = 0.05  # [s]: the longer horizon
-ROUNDS = 4  # of the descent before a comparison
+ROUNDS = 4  # rounds of the descent before a comparison
 
 
 @dataclass
@@ -52,9 +52,9 @@ class Slower:
     def ahead_of(
         self, likely: Sequence[Hypothesis], more: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Return those of `more` that are clearly better, not fitted again, than all `likely` ones.
+        """Return those of `more` that are clearly better than all `likely` ones, without a new fit.
 
-        Without those clearly worse than the best of `more`, and at most as many as `likely`.
+        Leaves out those clearly worse than the best of `more`; returns at most as many as `likely`.
         """
         seen = [(there, h) for h in more if (there := self._at(h)) is not None]
         if not likely or not seen:

@@ -1,6 +1,6 @@
 """The backward difference, v_k = (y_k - y_{k-1}) / h.
 
-Exact for a constant velocity; half a period late. An encoder of step D makes steps of D / h of it.
+Exact for a constant velocity; half a period late. With an encoder step D it has steps of D / h.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ difference = Estimator(
     settings=(),
     meaning="the last reading less the one before, over the time between them",
     reference="Euler's backward difference",
-    room=lambda settings: 0,  # the interface remembers the reading for its own sake
+    room=lambda settings: 0,  # the interface remembers the reading anyway
     numbers=lambda settings: (),
     begin=lambda settings, read, speed: [],
     linear=_linear,

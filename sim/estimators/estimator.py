@@ -1,4 +1,4 @@
-"""What an estimator of velocity is: settings, memory, numbers of its step, linear equations."""
+"""An estimator of velocity: its settings, memory, numbers of its step, and linear equations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ Complexes = NDArray[np.complex128]
 
 
 class Settings(NamedTuple):
-    """What an estimator is set to: `Interface` has each as velocity_NAME.
+    """Settings of an estimator; `Interface` has each as velocity_NAME.
 
-    period h [s] from one estimate to the next; window: most periods that FOAW looks back; band
+    period h [s] from one estimate to the next; window: periods that FOAW looks back at most; band
     [rad | m]: half the width of FOAW's band; noise [rad | m]: standard deviation of a reading;
     acceleration [rad/s2 | m/s2]: the bound of Levant's, or a standard deviation of Kalman's model.
     """
@@ -30,7 +30,7 @@ class Linear(NamedTuple):
     """A linear estimator: s' = keep s + take y, and h v = out s + through y.
 
     keep (n, n), take, out (n,); s the memory before the reading y, v the estimate [1/s of y], h the
-    time between estimates. rest (n,): the memory at rest where y is 1.
+    time between estimates. rest (n,): the memory at rest with y = 1.
     """
 
     keep: Floats
@@ -49,7 +49,7 @@ class Estimator:
 
     room: how many numbers it remembers. numbers: those of its step. begin: its memory before the
     first reading, given `read(k)`, the reading k periods before the start (0: at the start) of a
-    device that came in at the velocity `speed`. linear: its equations, None where it has none;
+    device that arrived with the velocity `speed`. linear: its equations, None if it has none;
     response: over the backward difference, at z.
     """
 

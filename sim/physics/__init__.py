@@ -58,7 +58,7 @@ NAMES = (
     "free_shift",
 )
 
-# Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).
+# Laws outside the library: no device file names them, a diagnosis tests them (`forces.probes`).
 PROBE_NAMES = ("power_drag", "one_sided_spring", "periodic_force")
 
 
@@ -86,7 +86,7 @@ def _with_own() -> tuple[Mapping[str, Effect], tuple[str, ...]]:
 
 
 EFFECTS, WRONG_FILES = _with_own()
-"""Every effect by name, those of the user's own last; what is wrong with the files of those."""
+"""Every effect by name, the user's own last; errors of the files of the user's own."""
 RICHER_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {name: tuple(e for e in EFFECTS.values() if name in e.contains) for name in EFFECTS}
 )
@@ -94,7 +94,7 @@ RICHER_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
 
 
 def contains(richer: str, there: Place, simple: str, place: Place) -> bool:
-    """Whether one effect somewhere is a richer form of another elsewhere; no for unknown names."""
+    """Whether an effect at a place is a richer form of another at one; no for unknown names."""
     known = richer in EFFECTS and simple in EFFECTS[richer].contains
     return known and _acts(richer, there) == _acts(simple, place)
 
@@ -123,14 +123,14 @@ def effect_named(name: str) -> Effect:
 
 
 def unknown_effect(name: str) -> str:
-    """Return what to do about an effect that there is not."""
+    """Return a sentence on an unknown effect and what to do."""
     own = f"an effect of your own is declared in a file in the folder {FOLDER!r} or in {VARIABLE}"
     near = nearest(name, EFFECTS)
     return f"{near} ({own})" if near.endswith("?") else f"{near}; {own}"
 
 
 def make_physics(name: str, at: str, **values: float) -> Physics:
-    """Return one effect as a device has it: `make_physics("coulomb_friction", "m1", level=0.02)`.
+    """Return an effect of a device: `make_physics("coulomb_friction", "m1", level=0.02)`.
 
     Raises ValueError (field, value, what is allowed), see `Physics`.
     """
@@ -142,7 +142,7 @@ def _read_back(effect: Effect) -> str | tuple[Any, ...]:
     name = effect.name
     if EFFECTS.get(name, PROBES.get(name)) is effect:
         return _known, (name,)
-    return object.__reduce_ex__(effect, 4)  # it was made in a program and declared nowhere
+    return object.__reduce_ex__(effect, 4)  # it was made in a program, without a declaration
 
 
 def _known(name: str) -> Effect:

@@ -1,4 +1,4 @@
-"""First-order lag of the amplifier: tau a' = u - a, exact in the propagator (`sim/plant.py`)."""
+"""First-order lag of the amplifier: tau a' = u - a, solved exactly (`sim/plant.py`)."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from zwidth.sim.physics.lasting import Lasting, one_tick
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-LONGEST_DRAWN = 0.05  # s, of which the exam takes a share
+LONGEST_DRAWN = 0.05  # s; the exam draws a share of it
 
 
 _time = Lasting("time_constant", (0.05, 0.3, 1.5, 8.0, 30.0))
@@ -35,7 +35,7 @@ actuator_lag = Effect(
             10.0,
             0.0,
             role="magnitude",
-            meaning="in which the force follows a step to 63 %",
+            meaning="time in which the force reaches 63 % of a step",
         ),
     ),
     hook="structure",

@@ -117,7 +117,6 @@ directional_friction = Effect(
     varies_with_speed=True,
     prior=0.03,  # worn gears and brushes; most friction is the same both ways
     contains=("coulomb_friction", "constant_force", "quadratic_drag"),
-    parts_first=True,
     family="dry friction",
     holds_constant=("level_minus", "level_plus"),
     creased=True,

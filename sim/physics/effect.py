@@ -1,11 +1,11 @@
-"""What an effect is: its parameters, its places, its hook in the tick, how it is sought.
+"""The declaration of an effect: parameters, places, hook in the tick, how it is sought.
 
 Hooks, in the order of the tick (`sim/kernel.py`):
 
     sensor     what the encoder reads of the true position
     command    what the amplifier makes of the controller's command
     clock      when the command arrives
-    structure  a change of the linear equations themselves (exact, by the propagator)
+    structure  a change of the linear equations themselves (solved exactly)
     force      a smooth force between two places, second order in the substep
     friction   a dry force with bounds, implicit in the substep
 
@@ -46,7 +46,7 @@ Values = dict[str, float]
 Numbers = Mapping[str, float] | Mapping[str, np.ndarray]
 """Values of the parameters of one device, or of many (...)."""
 Scaled = tuple[Values, Values]
-"""Values of the parameters, and the scales by which they are of order one; 0 holds one fixed."""
+"""Values of the parameters, and scales that make them of order one; 0 fixes a parameter."""
 Starts = Callable[[Sizes, Place], Iterable[Scaled]]
 Bounds = Mapping[str, tuple[float, float]]
 AtShare = Callable[[np.random.Generator, Sizes, Place, float], Values]
@@ -57,18 +57,17 @@ class Parameter(Valued):
     """One parameter of an effect.
 
     unit is written for a rotary device ("N m", "rad", "N m/rad", "s", ""); `unit_for` gives the
-    linear one, which is linear_unit where it is no mere matter of N for N m and m for rad. neutral
-    is the value at which the effect changes nothing, None where no single value of this parameter
-    does.
+    linear one, which is linear_unit if it is more than N for N m and m for rad. neutral is the
+    value at which the effect changes nothing, None if this parameter has no such value.
 
     role: a magnitude multiplies everything that the effect does, to first order and counted from
     its neutral value; a strength says how strong the effect is, without being such a factor;
-    turning is a phase or an angle; the rest is shape. least, most: factors of its start between
+    turning is a phase or an angle; all others are shape. least, most: factors of its start between
     which a fit may move it. open_ended: above its upper bound the law hardly changes, and a fit
-    that ends there is sound. valleys: the errors over it have a local minimum every few percent,
-    so that a fit ends in the one where it began. inverse: a strength that counts by its reciprocal,
-    with 0 for no effect, so that half of it is twice as strong: a limit (of a rate, at speed) to
-    which the largest command gives no scale. meaning: what it is, for people.
+    that ends there is valid. valleys: the errors over it have a local minimum every few percent, so
+    that a fit ends in the minimum where it began. inverse: a strength that counts by its
+    reciprocal, with 0 for no effect, so that half of it is twice as strong: a limit (of a rate, or
+    over speed) that the largest command does not scale. meaning: a description, for people.
     """
 
     name: str
@@ -95,7 +94,7 @@ class Parameter(Valued):
         return self.unit.replace("N m", "N").replace("rad", "m")
 
     def none_of_it(self, peak: float = math.inf) -> float:
-        """Return the value from which a strength counts: a limit's is the largest command."""
+        """Return the value at zero strength: for a limit, the largest command."""
         if self.neutral is None:
             return 0.0
         return self.neutral if math.isfinite(self.neutral) else peak
@@ -122,12 +121,12 @@ def rms_command(sizes: Sizes, _: Place) -> float:
 
 
 def one_percent(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
-    """Return no values: of an effect that has none."""
+    """Return no values, for an effect without parameters."""
     return {}
 
 
 def allowed(_: Values) -> str:
-    """Return that nothing is wrong."""
+    """Return "": these values are physical."""
     return ""
 
 
@@ -137,42 +136,42 @@ class Effect(Valued):
 
     In the simulation. places: where it may enter. formula: its law in the names of its parameters,
     with q and v where it enters, u the command. code: its number in the kernel's dispatch of that
-    hook (unused for effects whose hook needs none). in_interface: the `Interface` field that is its
-    home, if any; adds: to what stands there, where else it replaces it. reference: where the law
-    comes from. borrows: values of the device or the run that the law reads after its own parameters
-    (`sim/equations.py`). rotary_only: the law needs an angle. varies_with_speed: a dry force whose
-    bounds do, and are therefore taken at both ends of a substep. over_first: in a link the law is
-    taken over the first mass's own position and not over the deflection. alters: what a structural
-    effect makes of M, C and K at a mass (index), (..., n, n) with values (...); adds_mass: also a
-    further mass, unless its strength is neutral, which it then is for all. follows: the equations
-    by which readings follow the motion, of what filters them (`sim/reading.py`). lags: its one
-    parameter is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
-    which it adds. needs: an effect without which it has no part in a device. of_drive:
-    its numbers are the drive's, which count by what a command does. mistaken_for: the effects that
-    a short or narrow recording does not tell it from.
+    hook (unused for effects whose hook needs none). in_interface: the `Interface` field that stores
+    it, if any; adds: whether it adds to the value there, instead of replacing it. reference: the
+    source of the law. borrows: values of the device or the run that the law reads after its own
+    parameters (`sim/equations.py`). rotary_only: the law needs an angle. varies_with_speed: a dry
+    force whose bounds vary with speed, so they are computed at both ends of a substep. over_first:
+    in a link the law depends on the first mass's own position and not on the deflection. alters:
+    returns M, C and K as a structural effect at a mass (index) changes them, (..., n, n) with
+    values (...); adds_mass: it also adds a mass, unless its strength is neutral, which it then is
+    for all. follows: for a filter of readings, the equations by which they follow the motion
+    (`sim/reading.py`). lags: its only parameter is the amplifier's lag. in_chain: the `Chain` field
+    that stores it at m1, if any, to which it adds. needs: an effect without which it has no
+    meaning. of_drive: its numbers belong to the drive and are relative to the command.
+    mistaken_for: effects that a short or narrow recording does not distinguish from it.
 
     In the diagnosis. prior: how likely a device has it at one place, before anything is recorded;
-    elsewhere: the same at all places but the first, where they differ. contains: the simpler
-    effects that it is a richer form of, where it acts (`Place.acts_on`): it never explains less,
-    and at some values is the simpler one. parts_first: such an effect is named before it already
-    where it explains most. family: effects of one family are laws of the same thing, of which a
-    place has one. holds_constant: two parameters of which the first less the second is twice a
-    constant force. creased: what it predicts is no smooth function of its parameters. sought: how.
-    in_recording: taken off the recording and not simulated. absorbed: a refit of linear parameters
-    takes a little of it up; known_if_sprung: it has it already at m1 of a device with a spring to
-    ground (the spring, or the origin of the position; of a "straight" one alone). weakens: a device
-    with it seems driven by a smaller command.
+    elsewhere: the same at all places but the first, if it differs. contains: simpler effects of
+    which it is a richer form, where it acts (`Place.acts_on`): it never explains less, and at some
+    values it is the simpler one. family: effects of one family are alternative laws, of which a
+    place has one.
+    holds_constant: two parameters of which the first minus the second is twice a constant force.
+    creased: its prediction is not a smooth function of its parameters. sought: how. in_recording:
+    subtracted from the recording and not simulated. absorbed: a refit of linear parameters absorbs
+    a little of it; known_if_sprung: at m1 of a device with a spring to ground, the refit already
+    has it (the spring, or the origin of the position; "straight": only of a linear spring).
+    weakens: a device with it seems driven by a smaller command.
 
     starts: values that a fit may begin from, over the magnitudes a recording could show. sweep: the
-    same from hardly anything to the most that is plausible, for a search that starts far. bounds:
-    what physics allows given the recording, where that is less than `Parameter` says. natural: the
-    magnitude that would be all of what the recording moves by. drawn: the effect at about a percent
-    of that, its other numbers by chance. forbidden: the parameter by which values are no physics.
+    same from almost zero to the largest plausible values, for a search that starts far away.
+    bounds: physical bounds given the recording, if narrower than those of `Parameter`. natural: the
+    magnitude that would explain the whole motion. drawn: the effect at about a percent of that,
+    with other numbers drawn at random. forbidden: the parameter that makes values unphysical.
 
-    In the exam, which draws machines with effects. odds: how often one meets it, all its places
-    together, relative to the odds of the others; 0 if it is never drawn. excludes: the effects that
-    no machine has besides it, anywhere. at_share: its values if it is such a share of the driving
-    force, its other numbers random; None: as `drawn`, scaled up.
+    In the exam, which draws machines with effects. odds: how frequent it is, all its places
+    together, relative to the odds of the others; 0 if it is never drawn. excludes: effects that no
+    machine has in addition to it, anywhere. at_share: its values if it is a given share of the
+    driving force, with other numbers random; None: as `drawn`, scaled up.
     """
 
     name: str
@@ -201,7 +200,6 @@ class Effect(Valued):
     prior: float = 0.0
     elsewhere: float | None = None
     contains: tuple[str, ...] = ()
-    parts_first: bool = False
     family: str = ""
     holds_constant: tuple[str, str] | None = None
     creased: bool = False
@@ -224,11 +222,11 @@ class Effect(Valued):
 
     @cached_property
     def of_command(self) -> bool:
-        """Whether it has no part in a motion that no command drives."""
+        """Whether it has no influence on a motion without a command."""
         return self.hook in ("command", "clock") or "servo" in self.borrows
 
     def parameter(self, name: str) -> Parameter:
-        """Return the parameter of that name; raises KeyError."""
+        """Return the parameter with a name; raises KeyError."""
         found = next((p for p in self.parameters if p.name == name), None)
         if found is None:
             raise KeyError(name)
@@ -236,7 +234,7 @@ class Effect(Valued):
 
     @cached_property
     def magnitudes(self) -> tuple[str, ...]:
-        """The parameters that scale all that it does."""
+        """The parameters that scale its whole effect."""
         return tuple(p.name for p in self.parameters if p.role == "magnitude")
 
     @cached_property
@@ -246,12 +244,12 @@ class Effect(Valued):
 
     @cached_property
     def strength(self) -> str | None:
-        """The parameter that says how strong it is, None where there is none."""
+        """The parameter that says how strong it is, None if there is none."""
         strong = (p for p in self.parameters if p.role in ("magnitude", "strength"))
         return next((p.name for p in strong if p.neutral is not None), None)
 
     def acts(self, values: Numbers) -> bool:
-        """Whether its strength is not neutral: of many devices, that of any."""
+        """Whether its strength is not neutral, for any of the devices."""
         none = self.parameter(self.strength).neutral if self.strength else None
         return none is None or bool(np.any(np.not_equal(values[self.strength or ""], none)))
 
@@ -272,7 +270,7 @@ class Effect(Valued):
 
 @dataclass(frozen=True)
 class Physics(Valued):
-    """One effect as a device has it: which, where, with which parameters (SI).
+    """An effect of a device: which, where, and with which parameters (SI).
 
     Raises ValueError (field, value, what is allowed) for a place the effect cannot have, a missing
     or unknown parameter, or a value outside its bounds.
@@ -312,5 +310,5 @@ class Physics(Valued):
         return place_at(self.at)
 
     def vector(self) -> np.ndarray:
-        """Return the values in the order of the declaration, shape (parameters,)."""
+        """Return the values in the order of their declaration, shape (parameters,)."""
         return np.array([self.values[p.name] for p in self.effect.parameters])

@@ -1,7 +1,7 @@
-"""A further mass on a spring and damper: an unmodelled mode, or a hand; exact in the propagator.
+"""A further mass on a spring and damper: an unmodelled mode, or a hand; solved exactly.
 
 It is one more mass of the device, after those of the chain (`Device.plant`), and starts at rest or
-as `Start` says. Without mass there is nothing to hold the spring, and nothing is added.
+as `Start` says. With a mass of zero nothing is added.
 """
 
 import math
@@ -93,7 +93,7 @@ extra_mode = Effect(
             1e12,
             None,
             role="magnitude",
-            meaning="of the spring that it hangs on",
+            meaning="of the spring between it and the mass",
         ),
         Parameter(
             "damping",
@@ -103,7 +103,7 @@ extra_mode = Effect(
             1e9,
             None,
             role="magnitude",
-            meaning="of the damper beside it",
+            meaning="of the damper beside this spring",
         ),
     ),
     hook="structure",

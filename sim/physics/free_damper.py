@@ -1,9 +1,9 @@
-"""A force without a formula that depends on a velocity, or on the rate of a link's deflection.
+"""A force, given by a table, that depends on velocity, or on the rate of a link's deflection.
 
     f = f(v),    a table with a smooth curve through it (`free_law.py`).
 
 v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and with the
-opposite sign on the second. A falling table brakes. At rest it holds nothing: it is no friction.
+opposite sign on the second. A falling table brakes. It cannot hold a mass: it is not dry friction.
 """
 
 from zwidth.sim.physics.effect import Effect

@@ -1,4 +1,4 @@
-"""A force without a formula that depends on a position, or on the deflection of a link.
+"""A force, given by a table, that depends on position, or on the deflection of a link.
 
     f = f(q),    a table with a smooth curve through it (`free_law.py`).
 

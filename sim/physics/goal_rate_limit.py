@@ -2,12 +2,12 @@
 
     g_k = g_(k-1) + clip(goal_k - g_(k-1), -rate T, rate T)
 
-is the goal of its loop. A step of the goal then begins with little force, which grows as the
-profile runs ahead of the shaft; in a log of the servo's force it looks like a torque limit at the
-beginning of every step. The `position_servo` gives the scale of a goal, so the rate holds at every
-gain.
+is the goal of its loop. After a step of the commanded goal, the force is small at first and grows
+as this goal moves ahead of the shaft; in a log of the servo's force it looks like a torque limit at
+the beginning of every step. The goal is in units of position (`position_servo`), so the rate does
+not depend on gains.
 
-Limits: the goal is moved on at the ticks, and takes no account of an acceleration.
+Limits: the goal is moved at the ticks, and its acceleration is not limited.
 """
 
 import math
@@ -19,7 +19,7 @@ from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-SLOWEST = 0.3  # of the highest speed that was recorded: a servo may overtake its goal
+SLOWEST = 0.3  # of the highest recorded speed: a servo may be faster than its goal
 
 
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
@@ -49,8 +49,8 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 
 goal_rate_limit = Effect(
     name="goal_rate_limit",
-    summary="a largest speed at which a servo moves its own goal",
-    formula="|goal'| <= rate,  goal: what the loop closes on",
+    summary="a limit of the speed at which a servo moves its own goal",
+    formula="|goal'| <= rate,  goal: that of the loop",
     places=("command",),
     parameters=(
         Parameter(

@@ -1,4 +1,4 @@
-"""A spring to ground, exact in the propagator; at m1 the parameter is the chain's own k0."""
+"""A spring to ground, solved exactly; at m1 the parameter is the chain's own k0."""
 
 from collections.abc import Iterator
 
@@ -59,7 +59,7 @@ ground_spring = Effect(
     reference="Hooke's law",
     alters=_tied,
     in_chain="ground_spring",
-    prior=0.05,  # cables, hoses, a centring spring that the drawing forgot
+    prior=0.05,  # cables, hoses, a centring spring missing in the drawing
     elsewhere=0.02,
     absorbed=True,
     known_if_sprung="yes",

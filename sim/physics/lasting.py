@@ -13,7 +13,7 @@ LONGEST_TICKS = 50.0  # a longer one is another mechanism, and without end it cu
 
 @dataclass(frozen=True)
 class Lasting:
-    """A time as it is sought.
+    """How a time is sought.
 
     name: of the parameter. begun: first value, in ticks. longest: in ticks. most: largest step of a
     fit, in ticks. reads: whether it filters readings, which is only distinguished for velocities if
@@ -27,7 +27,7 @@ class Lasting:
     reads: bool = False
 
     def asked(self, z: Sizes, place: Place) -> bool:
-        """Whether it can show there."""
+        """Whether it can be seen at a place."""
         return not self.reads or place.kind != "velocity" or z.rates_beside
 
     def starts(self, z: Sizes, place: Place) -> Iterator[Scaled]:

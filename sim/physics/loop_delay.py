@@ -1,4 +1,4 @@
-"""The command takes effect after the encoder was read; the parameter is `Interface.delay`."""
+"""The command takes effect some time after the encoder reading; stored as `Interface.delay`."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from zwidth.sim.physics.lasting import Lasting, one_tick
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-LONGEST_DRAWN = 0.03  # s, of which the exam takes a share
+LONGEST_DRAWN = 0.03  # s; the exam draws a share of it
 
 
 _time = Lasting("delay", (0.05, 0.3, 1.0, 3.0, 12.0), most=0.3)
@@ -44,7 +44,7 @@ loop_delay = Effect(
     reference="Gil et al., J. Comput. Inf. Sci. Eng. 9, 011005, 2009",
     in_interface="delay",
     adds=True,
-    prior=0.1,  # every loop has one, and device files forget it
+    prior=0.1,  # every loop has one, and device files often omit it
     absorbed=True,
     starts=_time.starts,
     sweep=_time.sweep,

@@ -6,9 +6,9 @@ The mean of q over [t - W, t] is (1 - exp(-s W)) / (s W) of it, whose reciprocal
 
 A filter of second order with w = sqrt(12) / W and zeta = sqrt(3) / 2 (Bessel's) agrees with this
 within (omega W)^4 / 720: 0.1 % at omega W = 1, 1 % at 1.7, a window of a quarter wave. At higher
-frequencies it damps less than a mean does at its zeros. A velocity computed as the difference of
-two positions a time W apart is the mean of the velocity over W, exactly: half a sample late if they
-are neighbours.
+frequencies it does not have the zeros of a mean. The difference of two positions, divided by the
+time W between them, is exactly the mean velocity over W; for successive samples it is half a sample
+late.
 """
 
 import math
@@ -54,7 +54,7 @@ moving_average = Effect(
             10.0,
             0.0,
             role="magnitude",
-            meaning="over which the mean is taken; of differenced positions the time between them",
+            meaning="length of the window; for differences of positions, the time between them",
         ),
     ),
     hook="structure",
@@ -62,7 +62,7 @@ moving_average = Effect(
     mistaken_for=("sensor_lag", "sensor_filter", "actuator_lag", "loop_delay"),
     reference="mean over a window, to (omega W)^4 / 720; Bessel filter of second order",
     follows=_follows,
-    prior=0.05,  # a velocity is mostly differenced; where it shows is another matter
+    prior=0.05,  # most velocities are differences, but this seldom shows
     family="reading_filter",
     starts=_time.starts,
     sweep=_time.sweep,

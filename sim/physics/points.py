@@ -1,4 +1,4 @@
-"""What all laws without a formula share: a table, a grid, and a product of tables."""
+"""Common parts of laws without a formula: a table, a grid, and a product of tables."""
 
 from collections.abc import Sequence
 
@@ -9,12 +9,12 @@ from zwidth.sim.physics.two_tables import is_two_tables
 
 
 def of_points(parameters: Sequence[Parameter]) -> bool:
-    """Whether an effect is a law through points, whose states must rise."""
+    """Whether an effect is a law given by points, whose states must rise."""
     return is_table(parameters) or is_over(parameters)
 
 
 def is_over(parameters: Sequence[Parameter]) -> bool:
-    """Whether an effect is a law that names its states, time among them: a grid or a product."""
+    """Whether an effect is a law that names its states (also time): a grid or a product."""
     return is_grid(parameters) or is_two_tables(parameters)
 
 

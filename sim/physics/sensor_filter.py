@@ -1,7 +1,7 @@
-"""Second-order filter of a reading: T^2 s'' + 2 zeta T s' + s = q, exact in the propagator.
+"""Second-order filter of a reading: T^2 s'' + 2 zeta T s' + s = q, solved exactly.
 
 T is 1 / (2 pi f) of the filter's frequency f; a damping of 0.707 is Butterworth's. `sensor_lag.py`
-says how a filter of readings differs from one of the command.
+explains how a filter of readings differs from one of the command.
 """
 
 import math
@@ -18,7 +18,7 @@ from zwidth.sim.place import Place
 
 BUTTERWORTH = math.sqrt(0.5)
 _time = Lasting("time_constant", (0.5, 2.0, 10.0, 30.0), reads=True)
-DAMPINGS = (0.3, 2.0)  # of filters that are built: beyond, one rings, or is two of first order
+DAMPINGS = (0.3, 2.0)  # of real filters: lower ones ring, higher ones are two of first order
 
 
 def _follows(values: Numbers) -> Following:
@@ -55,7 +55,7 @@ def _at_share(random: np.random.Generator, _: Sizes, __: Place, share: float) ->
 
 sensor_filter = Effect(
     name="sensor_filter",
-    summary="second-order filter between the motion and what is read",
+    summary="second-order filter between the motion and its reading",
     formula="time_constant^2 s'' + 2 damping time_constant s' + s = q,  s: the reading",
     places=("sensor", "velocity"),
     parameters=(
@@ -67,7 +67,7 @@ sensor_filter = Effect(
             10.0,
             0.0,
             role="magnitude",
-            meaning="1 / (2 pi f), f the frequency in Hz at which the filter turns",
+            meaning="1 / (2 pi f), with f the natural frequency of the filter in Hz",
         ),
         Parameter(
             "damping",
@@ -84,7 +84,7 @@ sensor_filter = Effect(
     mistaken_for=("sensor_lag", "moving_average", "actuator_lag", "loop_delay"),
     reference="second-order low-pass, 1 / (1 + 2 zeta_f tau_f s + tau_f^2 s^2)",
     follows=_follows,
-    prior=0.02,  # anti-alias filters and drives' own; mostly said, or above what is recorded
+    prior=0.02,  # anti-alias filters, drives; mostly documented, or above the recorded band
     contains=("moving_average",),
     family="reading_filter",
     starts=_starts,

@@ -1,8 +1,8 @@
-"""First-order lag of a reading: T s' = q - s, exact in the propagator (`sim/reading.py`).
+"""First-order lag of a reading: T s' = q - s, solved exactly (`sim/reading.py`).
 
-What is recorded, or read by a law, is s; forces act by the motion itself. For a linear device whose
+A recording, or a law, reads s; forces depend on the motion itself. For a linear device whose
 command is played from a file, a lag of the amplifier (`actuator_lag`) delays the motion equally.
-The two differ if a law uses the reading, if there is another reading, or if a force follows the
+The two differ if a law uses the reading, if there is another reading, or if a force depends on the
 motion (friction).
 """
 
@@ -14,7 +14,7 @@ from zwidth.sim.physics.lasting import Lasting, one_tick
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-LONGEST_DRAWN = 0.03  # s, of which the exam takes a share
+LONGEST_DRAWN = 0.03  # s; the exam draws a share of it
 
 
 _time = Lasting("time_constant", (0.3, 1.5, 8.0, 30.0), reads=True)
@@ -46,7 +46,7 @@ sensor_lag = Effect(
             10.0,
             0.0,
             role="magnitude",
-            meaning="in which the reading follows a step to 63 %",
+            meaning="time in which the reading reaches 63 % of a step",
         ),
     ),
     hook="structure",
@@ -54,7 +54,7 @@ sensor_lag = Effect(
     mistaken_for=("actuator_lag", "loop_delay", "sensor_filter", "moving_average"),
     reference="first-order low-pass, 1 / (1 + tau_s s)",
     follows=_follows,
-    prior=0.03,  # a filter of readings is mostly written in the data sheet, or in the log's name
+    prior=0.03,  # a filter of readings is mostly documented in the data sheet, or in the log's name
     family="reading_filter",
     starts=_time.starts,
     sweep=_time.sweep,

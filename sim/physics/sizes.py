@@ -1,4 +1,4 @@
-"""Typical amplitudes of a recording, from which an effect sizes its starts, sweep and bounds."""
+"""Typical amplitudes of a recording, for the starts, sweep and bounds of effects."""
 
 import math
 from collections.abc import Iterator
@@ -9,23 +9,22 @@ import numpy as np
 from zwidth.sim.place import Place
 
 QUARTER = 0.5 * math.pi
-SMALLEST = 0.003  # of the command or the travel: where a sweep begins
-SWEPT = 7  # magnitudes a sweep
-WAVES = 2.0  # in the travel, at least: of fewer little is seen to repeat, and any bend is one
-LONGEST = 1.2  # waves of a period, and travels: of a longer wave less than one is seen, a bend
+SMALLEST = 0.003  # of the command or the travel: beginning of a sweep
+SWEPT = 7  # magnitudes in a sweep
+WAVES = 2.0  # least waves in the travel; with fewer, any curved force looks like a wave
+LONGEST = 1.2  # longest wave, over the travel: of a longer one less than a period is seen
 
 
 @dataclass(frozen=True)
 class Sizes:
     """The sizes of one or several recordings of a device, SI.
 
-    force, peak: rms and largest command, or of what moves the device where no command does
-    (`driven`); speed, position, span: rms speed, rms position and travel
-    of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
-    highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
-    force over the spring where the end is light, and more at a resonance). step: of the encoder.
-    rates_beside: whether velocities are recorded beside positions. switched: whether the
-    drive is off in some of it.
+    force, peak: rms and largest command, or of the force that moves the device without a command
+    (`driven`); speed, position, span: rms speed, rms position and travel of m1 as measured; period:
+    of the ticks. By mass: speeds, positions, spans, and fastest, the highest speed recorded. By
+    link: springs, and stretches, the rms deflection (far less than the force over the spring if the
+    end is light, and more at a resonance). step: of the encoder. rates_beside: whether velocities
+    are recorded beside positions. switched: whether the drive is off in a part of it.
     """
 
     rotary: bool
@@ -64,7 +63,7 @@ class Sizes:
 
 
 def up_to(most: float, least: float | None = None) -> Iterator[float]:
-    """Yield the magnitudes of a sweep, in equal ratios from `SMALLEST` of the most on."""
+    """Yield the magnitudes of a sweep, in equal ratios from `SMALLEST` of the largest on."""
     yield from np.geomspace(SMALLEST * most if least is None else least, most, SWEPT).tolist()
 
 

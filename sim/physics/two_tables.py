@@ -1,11 +1,11 @@
-"""What laws of two tables, each over one of two states, have in common.
+"""Common parts of laws with two tables, each over one of two states.
 
-A product takes the law of the one times that of the other (`free_product.py`); a shift moves the
-first one's state by the other (`free_shift.py`). The states are two of position, velocity, command
-and time as in `free_force.py`, and each law is a smooth curve through the points of its table, the
-one of `free_law.py`, at its ends beyond them.
+A product multiplies the laws of both tables (`free_product.py`); a shift adds the law of the second
+to the state of the first (`free_shift.py`). The states are two of position, velocity, command and
+time as in `free_force.py`, and each law is the smooth curve of `free_law.py` through the points of
+its table, constant beyond its ends.
 
-Limits: as `free_law.py`, `POINTS` points a table.
+Limits: as `free_law.py`; `POINTS` points in a table.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,11 +33,11 @@ LAW_FIRST = tuple(f"first_{i + 1}" for i in range(POINTS))
 AT_SECOND = tuple(f"second_at_{i + 1}" for i in range(POINTS))
 LAW_SECOND = tuple(f"second_{i + 1}" for i in range(POINTS))
 TABLES = {"first": (AT_FIRST, LAW_FIRST), "second": (AT_SECOND, LAW_SECOND)}
-FIRST, SECOND = len(OVER), len(OVER) + 2 * POINTS  # where the tables begin
+FIRST, SECOND = len(OVER), len(OVER) + 2 * POINTS  # indices at which the tables begin
 
 
 class TwoTables(NamedTuple):
-    """Such a law as people write it: two states, and the table of each, rows (state, law)."""
+    """Such a law as written in a file: two states, and a table for each, rows (state, law)."""
 
     over: tuple[str, str]
     first: Points
@@ -45,7 +45,7 @@ class TwoTables(NamedTuple):
 
 
 def two_tables_parameters(symbol: str) -> tuple[Parameter, ...]:
-    """Return the parameters of such a law, whose second one has a symbol and no unit of its own."""
+    """Return the parameters of such a law; the second table has a symbol but no unit."""
     return (
         *over_parameters("first", "second", alone=False),
         *numbered(AT_FIRST, "s_f", "", "state of first at point"),
@@ -82,7 +82,7 @@ def two_tables_values(
 
 
 def two_tables_of(values: Mapping[str, float]) -> TwoTables:
-    """Return such a law by its parameters: what `two_tables_values` was given."""
+    """Return such a law from its parameters: the inverse of `two_tables_values`."""
     first, second = (
         tuple((float(s), float(f)) for s, f in points_of(values, states, laws))
         for states, laws in TABLES.values()

@@ -1,1 +1,1 @@
-"""The Python functions, one question per file, with the defaults of its command."""
+"""The Python functions, one per file, with the defaults of its command."""

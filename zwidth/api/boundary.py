@@ -23,12 +23,12 @@ def boundary(
 
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     by default from 0 to 1.2 times the last with a stable wall, in 41 steps. trial, search: how a
-    wall is judged (by default as `zwidth boundary` does it), and how finely K is searched. progress
-    is called with the share done; without it, a notebook shows that.
+    wall is judged (by default as in `zwidth boundary`), and how finely K is searched. progress is
+    called with the share done; without it, a notebook shows the progress.
 
-    By linear theory and by simulation, at the device's own delay:
-    `device.with_interface(delay=0.004)` is the same device with another. Raises ValueError with a
-    sentence that says what to change.
+    The boundary is found by linear theory and by simulation, at the device's own delay;
+    `device.with_interface(delay=0.004)` is the same device with another delay. Raises ValueError
+    with a sentence that says what to change.
     """
     device = device_of(device)
     grid = default_dampings(device) if dampings is None else np.asarray(dampings, dtype=np.float64)

@@ -19,16 +19,16 @@ def check(
 ) -> Check:
     """Say whether a device still predicts its machine, and if not, what changed.
 
-    device: a Device with a band, as the improved device `diagnose(...).device`, or its file
-    (NAME.augmented.toml). recordings: as for `diagnose`. model: an MJCF or URDF model of the
-    robot; MuJoCo then simulates this model instead of the device, and its errors are compared with
-    the device's band. joint: the joint of the model or, without a model, the joint to take from
+    device: a Device with a band, such as the improved device `diagnose(...).device`, or its file
+    (NAME.augmented.toml). recordings: as for `diagnose`. model: an MJCF or URDF model of the robot;
+    MuJoCo then simulates this model instead of the device, and its errors are compared with the
+    device's band. joint: the joint of the model or, without a model, the joint to use from
     recordings with several.
 
-    The result's `within` is the answer, its `sentence` says it in words. Where a recording is
-    outside the band, the device's parameters are refitted; no new effects are searched for. Takes
-    seconds. Raises ValueError with one sentence for a device without a band, for recordings that
-    cannot be used with it, and for a model without a joint.
+    The result's `within` is the answer, its `sentence` the answer in words. If a recording is
+    outside the band, the device's parameters are refitted; no new effects are searched for. This
+    takes seconds. Raises ValueError with one sentence for a device without a band, for recordings
+    that cannot be used with it, and for a model without a joint.
     """
     known = device_of(device)
     of_recordings = joint if model is None else None

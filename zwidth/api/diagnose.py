@@ -44,19 +44,17 @@ def diagnose(
 
     recordings: one or several. Each is a path (a recording TOML, a log, or a CSV, MAT or other file
     of another tool; a warning says what was assumed), a Trace, a Run, a Log, or a table: a data
-    frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals).
-    time, command, position, velocity: the columns of a table (of an array "0", "1" ...). Columns
-    that are not named are recognised by name and unit, "angle_deg", as in a CSV.
-    joint: number or name of the joint to diagnose, where a recording has several, as that of a
-    robot; by default the one that moves most. `diagnose_joints` takes all.
-    device: a Device, the name of a shipped one, or a device file. Without it one is fitted, with
-    one to three masses.
-    validate: recordings to judge by; by default the last 30 % of each recording.
-    effort: quick, normal or thorough; how much is tried.
+    frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals). time,
+    command, position, velocity: the columns of a table (for an array "0", "1" ...). Other columns
+    are recognised by name and unit, such as "angle_deg", as in a CSV. joint: number or name of the
+    joint to diagnose, if a recording has several, such as a robot's; by default the one that moves
+    most. `diagnose_joints` diagnoses all. device: a Device, the name of a shipped one, or a device
+    file. Without it one is fitted, with one to three masses. validate: recordings to judge by; by
+    default the last 30 % of each recording. effort: quick, normal or thorough: how much is tried.
     known_torque: the model of a robot (MJCF or URDF), and the name of the joint that is diagnosed.
-    MuJoCo then computes the torque of the robot's arms on that joint in the recorded posture.
-    say: called with what is being done, `print` for instance; a diagnosis may take minutes. Without
-    it, a notebook shows one line of that.
+    MuJoCo then computes the torque of the robot's arms on that joint in the recorded posture. say:
+    called with a sentence on each step, for example `print`; a diagnosis may take minutes. Without
+    it, a notebook shows the present step in one line.
 
     If a command is in A or V, or a position in counts, and no scale is known, the answer is in
     these units and says so. It contains the improved device: `save_device(answer.device,
@@ -85,7 +83,7 @@ def diagnose(
         fit_on = experiments_of(traces, known, known_torque)
         judge_by = experiments_of(judged_by, known, known_torque) if judged_by else None
         with (
-            warnings.catch_warnings(action="ignore", category=RuntimeWarning),  # numpy's, on 1e300
+            warnings.catch_warnings(action="ignore", category=RuntimeWarning),  # of numpy: 1e300
             counted_in(*own),
         ):
             found = pipeline.diagnose(known, fit_on, judge_by, say, EFFORTS[effort])
@@ -97,5 +95,5 @@ def diagnose(
             return answer(device_of(device), tell)
         found = answer(fitted(traces)[0], tell)
         if found.verdict is Verdict.LINEAR_PARAMETERS and not found.interrupted:
-            found = answer(replace(found.device, uncertainty=FITTED), tell)  # as the command does
+            found = answer(replace(found.device, uncertainty=FITTED), tell)  # as in the command
         return found

@@ -30,14 +30,14 @@ def diagnose_fleet(
     runner: Executor | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Fleet:
-    """Say what many recordings have in common, what differs, what changed and which are odd.
+    """Say what many recordings have in common, what differs, what changed, and which are odd.
 
     recordings: a folder, a table (CSV or TOML), a list of `Listed`, or rows of a table, such as
     `frame.to_dict("records")` of pandas: recording, device, date, and known values that parameters
     may follow. device: a Device, the name of a shipped one, or a device file. effort: of the search
-    for their physics. work: a folder that keeps the result of each recording, so that the next call
-    computes only new recordings; without it nothing is kept. runner: where fits run, see
-    `executor`; by default here, one after another. say: called with what is being done.
+    for their physics. work: a folder that stores the result of each recording, so that the next
+    call computes only new ones; without it nothing is stored. runner: where fits run, see
+    `executor`; by default here, one after another. say: called with a sentence on each step.
 
     Raises ValueError with one sentence if fewer than three recordings can be used, or if
     `recordings` is not a list of recordings.

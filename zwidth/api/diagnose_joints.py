@@ -1,4 +1,4 @@
-"""What is missing in each joint of a recording with several."""
+"""What physics is missing in each joint of a recording with several."""
 
 import warnings
 from collections.abc import Callable
@@ -27,8 +27,8 @@ def diagnose_joints(
 
     recording: the path of a file with several joints, such as a robot's; or a table: a data frame,
     a dict of arrays (samples,), an array (samples, signals). Joints that stand still are left out.
-    device: of every joint, if they are alike. Without it each has its own, fitted. effort, say: see
-    `diagnose`; without say, a notebook shows one line for each joint.
+    device: of every joint, if all are alike. Without it, a device is fitted to each joint. effort,
+    say: see `diagnose`; without say, a notebook shows one line for each joint.
 
     A joint that cannot be diagnosed is in `left`, with the reason. Raises ValueError if fewer
     than two joints move, and LogError for a file that cannot be read.

@@ -24,7 +24,7 @@ def find_boundaries(
 
     devices: each a Device, the name of a shipped one, or a device file. dampings: for each of them
     a row of B [N m s/rad | N s/m]. trial, search: how a wall is judged, and how finely K is
-    searched. progress is called with the share done; without it, a notebook shows that.
+    searched. progress is called with the share done; without it, a notebook shows the progress.
 
     Raises ValueError with a sentence that says what to change.
     """

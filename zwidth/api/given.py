@@ -1,4 +1,4 @@
-"""Arguments that are a device or a recording: the value itself, or where to find it."""
+"""Arguments that are a device or a recording: the value itself, or its name or path."""
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,7 +19,7 @@ from zwidth.sim.trace import Trace
 AnyDevice = Device | str | PathLike[str]
 AnyRecording = Trace | Run | Log | AnyTable | str | PathLike[str]
 Arms = tuple[str | PathLike[str], str]
-"""The model of a robot, MJCF or URDF, and the joint in it that a device is."""
+"""The model of a robot (MJCF or URDF), and the joint in it that is the device."""
 
 
 def device_of(given: AnyDevice) -> Device:
@@ -40,7 +40,7 @@ def device_of(given: AnyDevice) -> Device:
 def trace_of(
     given: AnyRecording, columns: Mapping[str, str] | None = None, joint: str | None = None
 ) -> Trace:
-    """Return a recording's trace: as given, of a run or a log, of a table, or read from a path.
+    """Return a recording's trace: given, of a run, log or table, or read from a path.
 
     columns: for a table, time, command, position or velocity -> its column, if the caller gave it.
     joint: which one to read, if a table or file has several.
@@ -134,7 +134,7 @@ def _beside(arms: Arms | None, trace: Trace, device: Device) -> Trace:
         return trace
     if isinstance(arms, str) or len(arms) != 2:
         raise ValueError(
-            f"known_torque is {arms!r}; give the model of a robot, MJCF or URDF, and the joint in"
-            ' it that the device is: ("arm.xml", "elbow")'
+            f"known_torque is {arms!r}; give the model of a robot, MJCF or URDF, and the joint of"
+            ' the robot that is the device: ("arm.xml", "elbow")'
         )
     return with_known_torque(trace, device, *arms)[0]

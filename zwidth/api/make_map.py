@@ -26,9 +26,9 @@ def make_map(
     plane: the two quantities, and the values of the others; for a Device, the name of a shipped one
     or a device file: stiffness over damping around the linear boundary. coarse: points along each
     axis before refinement. levels: refinements; each halves the step where the outcome changes.
-    folder: where an interrupted map is continued; None keeps it in memory. progress is called with
-    the share done and the number of runs; without it, a notebook shows these. workers: threads
-    (None: all). runner: where parts are computed, see `executor`.
+    folder: stores the map, so that an interrupted map can be continued; None keeps it in memory.
+    progress is called with the share done and the number of runs; without it, a notebook shows
+    these. workers: threads (None: all). runner: where parts are computed, see `executor`.
 
     Raises ValueError with a sentence if an argument, or the content of the folder, does not fit.
     """

@@ -1,4 +1,4 @@
-"""Progress in a notebook: one line that is rewritten, unless the caller gave another way."""
+"""Progress in a notebook: one line that is rewritten, unless the caller gave another function."""
 
 import sys
 import threading
@@ -10,7 +10,7 @@ from typing import Any
 from zwidth.heartbeat import COMPILING
 from zwidth.sim.compiling import watched
 
-PROGRESS = {"zwidth": "progress"}  # metadata of the line, by which a page leaves it out
+PROGRESS = {"zwidth": "progress"}  # metadata of the line, so that a page leaves it out
 Say = Callable[[str], None]
 
 
@@ -59,7 +59,7 @@ def _compiling_too(say: Say) -> Generator[Say]:
 
 
 def shares(say: Say | None) -> Callable[[float], None] | None:
-    """Return a function that reports a share done by `say`."""
+    """Return a function that reports a share done with `say`."""
     return None if say is None or say is _silent else lambda share: say(f"{100.0 * share:.0f} %")
 
 
@@ -85,7 +85,7 @@ def _silent(_: str) -> None:
 
 
 def _words(title: str, text: str) -> str:
-    from zwidth.diagnosis_report import in_words  # a boundary needs nothing of it
+    from zwidth.diagnosis_report import in_words  # a boundary does not need it
 
     said = in_words(text.replace("@", " at "))
     return ": ".join(filter(None, (title, said)))

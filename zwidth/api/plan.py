@@ -58,15 +58,15 @@ def plan(
 ) -> Plan:
     """Predict which effects a recording would show, before you make it.
 
-    For every effect the smallest magnitude that the recording would detect with five sigma, after
-    the known parameters are refitted; the pairs of effects that it could not tell apart, and the
-    excitations that would.
+    The result is, for every effect, the smallest magnitude that the recording would show at five
+    sigma after a refit of the known parameters; the pairs of effects that it could not tell apart;
+    and the excitations that would.
 
     device: a Device, the name of a shipped one, or a device file. excitation: a name as in
     `excitation`, or a command of your own (ticks,). seconds: its length. noise: rms of a measured
     position [rad | m], by default the rounding to an encoder step. process_noise: random force at
     m1 [N m | N], by default 0.2 % of the largest command. level, travel, seed: see `excitation`.
-    advance: called with what is done; without it, a notebook shows the share done.
+    advance: called with the name of each step; without it, a notebook shows the share done.
 
     Raises ValueError with a sentence, also if the device has no encoder step and noise is None.
     """

@@ -12,7 +12,7 @@ from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
 from zwidth.stability.linear import last_stable_damping, stand_in
 
-CONDITIONS = 4  # dampings by default
+CONDITIONS = 4  # default number of dampings
 
 
 def relay(
@@ -29,7 +29,7 @@ def relay(
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     one or several; by default four from 0 to three quarters of the last with a stable wall. starts:
     number of random starts for each damping, to find all limit cycles; seed: of the random starts.
-    test: force of the relay, and how long it runs. progress is called after each damping; without
+    test: force of the relay, and length of a run. progress is called after each damping; without
     it, a notebook shows the share done.
 
     Raises ValueError with a sentence that says what to change.

@@ -16,11 +16,11 @@ def replay(
 ) -> ReplayResult:
     """Rebuild a run from its log alone, simulate it again, compare every channel bit for bit.
 
-    path: the log of a run. controller: the user's own control law, where the run had one. progress
-    is called with the share done; without it, a notebook shows that. A log that ends early is
+    path: the log of a run. controller: the user's own control law, if the run had one. progress is
+    called with the share done; without it, a notebook shows the progress. A log that ends early is
     compared as far as it goes. NaN equals NaN, whatever its payload.
 
-    Raises LogError for a file that is no log, ScenarioError, NotTheSame or ReplayError for one
+    Raises LogError for a file that is not a log, ScenarioError, NotTheSame or ReplayError for a log
     whose run cannot be rebuilt: a recording, attachments missing or changed, a controller not
     supplied.
     """

@@ -29,12 +29,12 @@ def simulate(
     """Run a device under a controller, or run a Scenario.
 
     device: a Device, the name of a shipped one, a device file; or a Scenario, which contains all
-    other settings. controller: of `wall`, `texture`, `region`, `guarded`, `recorded`, `none` or
-    your own; None for none. duration [s]: by default that of a recorded command, else 4 s. start:
-    by default at rest; with a wall, displaced by 1e-3 [rad | m], since otherwise nothing moves.
-    disturbance: forces [N m | N], shape (ticks,) on m1 or (ticks, masses), each held for a tick.
-    substeps: per tick, by default one if that is exact, else as many as friction and smooth forces
-    need. seed: of what happens at random (lost samples). bound: the run stops when |position of m1|
+    other settings. controller: made by `wall`, `texture`, `region`, `guarded`, `recorded` or
+    `none`, or your own; None for none. duration [s]: by default that of a recorded command, else 4
+    s. start: by default at rest; with a wall, displaced by 1e-3 [rad | m], since otherwise nothing
+    moves. disturbance: forces [N m | N], shape (ticks,) on m1 or (ticks, masses), each held for a
+    tick. substeps: per tick, by default one if that is exact, else as many as friction and smooth
+    forces need. seed: of random events (lost samples). bound: the run stops when |position of m1|
     exceeds it. energy: record the stored energy; ledger: record also the work of motor, wall, each
     damper and effect. fine: keep the states after every substep.
 

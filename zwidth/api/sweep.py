@@ -29,8 +29,8 @@ def sweep(
 
     device: a Device, the name of a shipped one, or a device file. setting: cutoff (of the velocity
     filter, Hz), period, delay [s], encoder_step [rad | m], velocity_ticks or position_ticks.
-    values: by default its usual range; the device's own value is always tried too. dampings: how
-    many a boundary has. rounds: of refinement around the best. trial, search: how a wall is judged,
+    values: by default its usual range; the device's own value is always tried too. dampings: number
+    in each boundary. rounds: of refinement around the best. trial, search: how a wall is judged,
     and how finely K is searched. progress is called with the number of boundaries done and planned;
     without it, a notebook shows these. `result.best.device` is the device at the best value.
 

@@ -1,1 +1,1 @@
-"""One file a command; `zwidth.cli` lists them and loads only the one that is asked for."""
+"""One file per command; `zwidth.cli` lists them and loads only the requested one."""

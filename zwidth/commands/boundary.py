@@ -55,14 +55,14 @@ if TYPE_CHECKING:
     from zwidth.figures.boundary import Corner
 
 LOGGED_S = 4.0
-FELT_FROM = 0.01  # of the stiffest wall: softer ones are not asked about
-FELT_TOLERANCE = 1e-2  # of K: what is felt depends on the phase in which a cycle meets the steps
+FELT_FROM = 0.01  # of the stiffest wall: softer walls are not tested
+FELT_TOLERANCE = 1e-2  # of K: feeling depends on the phase of a cycle relative to the steps
 SAME_DAMPING = 1e-9
-SHORT_START = 2.0  # times what steps alone can hold: the start must be seen to come down to it
+SHORT_START = 2.0  # times the dither of steps, so that the decay of the start is visible
 ABSURD = 1e4  # times the damping that stops all masses within a period
 CORNER_POINTS = 33
 NONE = "-"  # no stable K
-SIDES = ("stable", "unstable")  # of a boundary's top, a log each
+SIDES = ("stable", "unstable")  # of a boundary's top, one log each
 
 
 @click.command("boundary", cls=ManyNumbers)
@@ -154,7 +154,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     measured = device.name == load_device(DEVICE).name
     variants = [device.with_interface(delay=d) for d in delays]
     plans = [_plan(v, options["damping"], measured, asked.passive) for v in variants]
-    with_extras(plans[0][0], [Point(0.0, None, None)], asked)  # refuses before the long work
+    with_extras(plans[0][0], [Point(0.0, None, None)], asked)  # errors come before the long work
     found: list[Boundary] = []
     try:
         total = sum(grid.size for _, grid in plans)
@@ -162,7 +162,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
             for variant, grid in plans:
                 counted = _Counted(grid.size, partial(advance, now=_ms(variant)))
                 found += find_boundaries([variant], [grid], trial, search, counted)
-    finally:  # after Ctrl-C too: what is finished is kept
+    finally:  # after Ctrl-C too, finished results are kept
         if found:
             judged = trial, search, bool(options["felt"])
             _write(console, device, found, judged, out, measured, asked, options["in_full"])
@@ -316,7 +316,7 @@ def _corner(device: Device) -> "Corner":
     """The corner of passive walls, twice as wide as where the last one is passive."""
     from zwidth.figures.boundary import Corner
 
-    # No wall has more damping than the device may lose: sum b_i, and less at a higher frequency.
+    # A passive wall has at most the damping sum b_i, and less at a higher frequency.
     limit = max(float(device.chain.ground_dampers.sum()), 0.0)
     grid = np.linspace(0.0, 2.0 * limit, CORNER_POINTS) if limit else np.zeros(1)
     walls = [p.stiffness or 0.0 for p in passive_boundary(device, grid.tolist())]
@@ -366,7 +366,7 @@ def _row(point: Point, bracket: Bracket) -> list[str]:
     linear = point.linear
     cells = [f"{point.damping:.5g}"]
     cells += [f"{linear.stiffness:.5g}", f"{linear.frequency_hz:.2f}"] if linear else [NONE, NONE]
-    if bracket.stable is None:  # what is unstable however soft tells no boundary
+    if bracket.stable is None:  # if even the softest wall is unstable, there is no boundary
         cells += [NONE] * 3
     else:
         seen = (_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency))

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from zwidth.sim.device import Device
 
 
-ANSWERED = "zwidth.check.answered"  # in the context, once the result is written
+ANSWERED = "zwidth.check.answered"  # in the context once the result is written
 
 
 class Checking(click.Command):
-    """A command whose status 1 is an answer: no error ends with it, and all stand in its files."""
+    """A command whose status 1 is an answer: errors have another, and are in its files."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; raise CheckFailed for an error that would have status 1."""
@@ -36,7 +36,7 @@ class Checking(click.Command):
             status, sentence = explain(error)
             broken = status == Status.FAILED
             if not (ctx.meta.get(ANSWERED) or isinstance(error, Protected)):
-                with suppress(Exception):  # it may have no memory, either
+                with suppress(Exception):  # this may fail too, without memory
                     _write_error(ctx.params, Status.BROKEN if broken else status, sentence)
             if broken and not _debugging():
                 raise CheckFailed(sentence) from error
@@ -83,7 +83,7 @@ def command(
     errors that free runs may have. LOG is any recording that 'zwidth diagnose' can read.
 
     Exit status: 0 if the errors of all LOGs are within the band, 1 if a LOG is outside, 2 for bad
-    input, 3 if the check itself failed, such as for a full disk. If a LOG is outside
+    input, 3 if the check itself failed, for example because of a full disk. If a LOG is outside
     the band, the parameters of DEVICE are refitted, and one sentence says which changed. With
     --diagnose, missing physics is searched for, too; the results go to --out.
     """
@@ -161,7 +161,7 @@ def _write_error(given: Mapping[str, Any], status: Status, sentence: str) -> Non
     for path in (given.get("device"), given.get("model"), *logs):
         if path is not None:
             reading(Path(path))
-    safely = replace(writer(), overwrite=False)  # what a recording describes may not be known yet
+    safely = replace(writer(), overwrite=False)  # a recording's files may be unknown yet
     found = {"error": sentence, "status": int(status)}
     texts = {given.get("junit"): junit_error(str(given.get("device")), logs, sentence)}
     if given.get("json_file") == "-":
@@ -170,7 +170,7 @@ def _write_error(given: Mapping[str, Any], status: Status, sentence: str) -> Non
         texts[Path(given["json_file"])] = json_text(found)
     for path, text in texts.items():
         if path is not None and safely.objection(path) is None:
-            with suppress(OSError):  # a full disk may be the very error
+            with suppress(OSError):  # the error itself may be a full disk
                 write_text(path, text)
 
 
@@ -201,7 +201,7 @@ def _of_log(log: Path, joint: str | None) -> str | None:
         return None
     try:
         every = joints_of(source)
-    except RecordingError:  # it is of one joint
+    except RecordingError:  # it has only one joint
         return None
     return joint if joint in (*every.moving, *every.still) else None
 
@@ -223,7 +223,7 @@ def junit_text(found: "Check") -> str:
 
 
 def junit_error(device: str, logs: tuple[Path, ...], sentence: str) -> str:
-    """Return JUnit XML of a check without an answer: a suite whose one case is an error."""
+    """Return JUnit XML of a check without an answer: a suite whose only case is an error."""
     suite = ElementTree.Element(
         "testsuite", name=f"zwidth check {device}", tests="1", failures="0", errors="1",
         skipped="0",

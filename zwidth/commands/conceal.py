@@ -13,7 +13,7 @@ from zwidth.options import Quantity, cluster_option, force_option, json_option, 
 CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 
 
-@click.command("conceal", epilog=f"Classes: {CLASSES}.")
+@click.command("conceal", epilog=f"Classes (the limit is that of detection): {CLASSES}.")
 @click.option("--count", type=click.IntRange(1),
               help="Number of recordings with effects near the detection limit, in all classes"
               " together. Default: 200 if no other option asks for recordings.")  # fmt: skip
@@ -49,10 +49,10 @@ def command(
 ) -> None:
     """Make simulated recordings with concealed physics, to test a diagnosis.
 
-    DIR/recordings holds what a diagnosis may see: a CSV, its description and a device file for
-    each. A rig may have a second recording (r0001_2) and one to judge by (r0001_validation).
-    DIR/keys holds the concealed truths; keep it apart until the diagnoses are done. After an
-    interruption, the same command continues where it stopped.
+    DIR/recordings contains what a diagnosis may use: for each recording a CSV, its description and
+    a device file. A rig may have a second recording (r0001_2) and a held-out one
+    (r0001_validation). DIR/keys contains the concealed truths; do not give them to a diagnosis.
+    After an interruption, the same command continues where it stopped.
     """
     console = Console(json_file)
     default = None if strata or rigs or outside else 200

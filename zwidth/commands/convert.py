@@ -1,4 +1,4 @@
-"""`zwidth convert`: what a file holds, a TOML to start from, and any log in another format."""
+"""`zwidth convert`: the content of a file, a TOML to start from, and any log in another format."""
 
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ TARGETS = (".mcap", *WRITERS, ".toml")
 @force_option
 @json_option
 def command(source: Path, target: Path | None, other: Path | None, json_file: str | None) -> None:
-    """Show what a recorded file holds, draft its description, or convert it.
+    """Show what a recorded file contains, draft its description, or convert it.
 
     SOURCE is a recording TOML, a log that zwidth wrote (MCAP, CSV, Parquet, NPZ), or a file of
     another tool (also MAT, NPY, HDF5, text tables). Without TARGET the signals are listed; for a

@@ -1,4 +1,4 @@
-"""`zwidth devices`: the devices that come with zwidth, and what is known about any one."""
+"""`zwidth devices`: the devices that come with zwidth, and a description of each."""
 
 import math
 from dataclasses import replace

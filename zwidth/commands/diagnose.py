@@ -91,7 +91,7 @@ def command(
     date, known values). The report NAME.fleet.html says what the devices share, where they differ,
     what changed and when, and which recordings are unlike the others (docs/fleets.md).
     """
-    # What a diagnosis needs takes seconds to load, and help and a mistyped option need none of it.
+    # A diagnosis needs modules that take seconds to load; help and mistyped options do not.
     from zwidth.console import Console
     from zwidth.fleet.listing import is_fleet
 

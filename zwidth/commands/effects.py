@@ -24,7 +24,7 @@ from zwidth.sim.physics import EFFECTS, LIBRARY, unknown_effect
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.own import IDENTIFIER, OWN
 
-NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
+NUMBERED = 5  # parameters with a common name and a number; more share one row
 SOURCE = re.compile(r" \(`sim/\w+\.py`\)")
 LETTERS = (
     "in it, q is the position (of a link: its deflection), v the velocity, u the command and f"
@@ -75,7 +75,7 @@ def command(
     console.say(f"{effect.name}: {effect.summary}\n")
     if effect.formula:
         console.say(f"{wrapped(indent(formula(effect), '    '))}\n\n{LETTERS}\n")
-    joined = re.sub(r"(?<=\S)\n(?=\S)", " ", law(effect))  # a terminal wraps it anew
+    joined = re.sub(r"(?<=\S)\n(?=\S)", " ", law(effect))  # it is wrapped again for the terminal
     console.say(f"{wrapped(joined)}\n")
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
@@ -122,7 +122,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"
     try:
         text = _effect_of(name, found, said)
-    except (KeyError, TypeError):  # numbers or states that somebody left out
+    except (KeyError, TypeError):  # numbers or states that are missing
         raise ValueError(f"{file} is not a result of 'zwidth diagnose --json FILE'") from None
     path = Path(FOLDER) / f"{name}.toml"
     console.will_write(path)
@@ -168,12 +168,12 @@ def _listed(effect: Effect) -> list[list[str]]:
 
 
 def formula(effect: Effect) -> str:
-    """Return the law of an effect, a line for each part; "" where its file states none."""
+    """Return the law of an effect, a line for each part; "" if its file states none."""
     return effect.formula.replace(",  ", ",\n")
 
 
 def law(effect: Effect) -> str:
-    """Return what the file of an effect says of it: its law, and where it holds."""
+    """Return the description in the file of an effect: its law, and its limits."""
     if effect.name in OWN:
         own = OWN[effect.name]
         return f"{own.formula}\n\nAn effect of your own, declared in {own.file}."
@@ -221,7 +221,7 @@ def units(effect: Effect, name: str) -> str:
 
 
 def described(effect: Effect) -> dict[str, Any]:
-    """Return an effect as JSON has it."""
+    """Return an effect in its JSON form."""
     return {
         "effect": effect.name,
         "summary": effect.summary,

@@ -74,10 +74,10 @@ def command(
     making = count is not None or strata is not None or rigs > 0 or outside > 0
     if not making and (seed is not None or seconds is not None):
         raise ValueError(
-            "--seed and --seconds apply only to recordings made first; add --count, --strata,"
+            "--seed and --seconds need recordings that this command makes; add --count, --strata,"
             " --rigs or --outside"
         )
-    for name in names(folder):  # finished, so they are not made again
+    for name in names(folder):  # these are finished and not made again
         for file in all_files(folder, name):
             reading(file)
     pages = [folder / "exam.md", *([page_file] if page_file else [])]

@@ -81,7 +81,7 @@ def command(
             console.warn(f"anyone who can reach {url} can use the page; there is no password")
         server.start()
         console.say(f"{bench.devices[0].name}: {url} (Ctrl-C to end)")
-        HEART.stop()  # from here on it waits for the browser
+        HEART.stop()  # now it only waits for the browser
         if not no_browser:
             server.io_loop.add_callback(webbrowser.open, url)
         server.io_loop.start()

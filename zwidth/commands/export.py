@@ -63,7 +63,7 @@ def command(
     draws_file: Path | None,
     json_file: str | None,
 ) -> None:
-    """Write a device in another simulator's format, and list what it cannot hold.
+    """Write a device in another simulator's format, and list the parts that are lost.
 
     DEVICE is a shipped device or a device file.
 
@@ -77,7 +77,7 @@ def command(
     newton    a body, a joint and a NewtonActuator, as USD
     bam       a JSON of Better Actuator Models, m1, m2 or m5
 
-    What the format cannot hold is printed, and written at the top of FILE. If this machine can run
+    The parts that are lost are printed, and written at the top of FILE. If this machine can run
     FILE, DEVICE and FILE are simulated under the same command, and the rms error between them is
     printed.
     """  # noqa: D301 (\b is click's mark of lines to be kept)

@@ -1,4 +1,4 @@
-"""`zwidth map`: what a run does over two quantities of wall and device, beside linear theory."""
+"""`zwidth map`: how runs end, over two quantities of wall and device, with linear theory."""
 
 from pathlib import Path
 from typing import Any, get_args
@@ -30,7 +30,7 @@ from zwidth.stability.plane import QUANTITIES, Axis, Plane, with_friction
 from zwidth.stability.plane import Quantity as Quantities
 from zwidth.stability.usual_plane import usual_axis
 
-# The option that sets a quantity where it is on no axis.
+# The option that sets a quantity that is not on an axis.
 FIXED_BY: dict[Quantities, str] = {
     "K": "stiffness", "B": "damping", "delay": "delay_ms", "encoder_step": "encoder_step",
     "command_limit": "command_limit", "friction": "friction", "amplitude": "start",

@@ -1,4 +1,4 @@
-"""`zwidth mcp`: the questions of the command line as tools for agents."""
+"""`zwidth mcp`: commands as tools for agents."""
 
 import click
 
@@ -18,5 +18,5 @@ def command() -> int:
         raise click.ClickException(
             f"the SDK of the protocol is missing ({error}); run: pip install 'zwidth[mcp]'"
         ) from None
-    HEART.stop()  # from here on it waits for its client
+    HEART.stop()  # now it only waits for its client
     return serve()

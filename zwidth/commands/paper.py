@@ -1,4 +1,4 @@
-"""`zwidth paper`: the tables and figures of the paper, ours beside theirs, as one report."""
+"""`zwidth paper`: recomputed tables and figures beside those of the paper, as one report."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ from zwidth.paper.report import DrawnSection, save_pictures, save_report
 from zwidth.paper.sections import SECTIONS, compute
 
 WORKERS = 2
-LONG = ("explained",)  # sections that begin first, so that none is left alone at the end
+LONG = ("explained",)  # long sections begin first, so that none runs alone at the end
 
 
 @click.command("paper")
@@ -38,7 +38,7 @@ def command(chosen: tuple[str, ...], out: Path) -> None:
                 done[section.key] = section
                 save_pictures(section, out)
                 advance(1, now=section.title)
-    finally:  # after Ctrl-C too: what is finished is kept
+    finally:  # after Ctrl-C too, finished sections are kept
         if done:
             ordered = [done[key] for key in keys if key in done]
             missing = [SECTIONS[key] for key in keys if key not in done]

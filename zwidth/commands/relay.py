@@ -1,4 +1,4 @@
-"""`zwidth relay`: the relay experiment, its limit cycles, and how far off the boundary it reads."""
+"""`zwidth relay`: the relay experiment, its limit cycles, and its deviation from the boundary."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ from zwidth.sim.run import Start
 from zwidth.stability.linear import known_boundary
 
 SHOWN_S = 0.4
-LISTED = 2  # cycles besides the most frequent
+LISTED = 2  # cycles listed besides the most frequent
 NONE = "-"
 
 
@@ -41,7 +41,7 @@ NONE = "-"
 @click.option("--level", type=Quantity("N m | N", above=True), default=0.05, show_default=True,
               help="Force of the relay.")  # fmt: skip
 @click.option("--starts", type=click.IntRange(0, 10_000), default=60, show_default=True,
-              help="Random starts per condition, to find all limit cycles.")  # fmt: skip
+              help="Random starts per delay and damping, to find all limit cycles.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of the random starts.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
@@ -104,7 +104,9 @@ def _asked(
         return rows
     kept = [row for row in rows if any(abs(row[0] - 1e-3 * ms) < 1e-9 for ms in delay_ms)]
     if not kept:
-        raise ValueError("Table II has 2, 4 and 8 ms; for other delays give --damping too")
+        raise ValueError(
+            "Table II of the paper has 2, 4 and 8 ms; for other delays give --damping too"
+        )
     return kept
 
 

@@ -1,4 +1,4 @@
-"""`zwidth replay`: prove that a log can be simulated again bit for bit, or say where it differs."""
+"""`zwidth replay`: show that a log can be simulated again bit for bit, or where it differs."""
 
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def command(log: Path, controller: Step | None, json_file: str | None) -> int:
 
 
 def sentence(result: ReplayResult) -> str:
-    """Return what the replay showed."""
+    """Return the outcome of the replay in words."""
     if result.first_difference is None:
         return f"identical: {result.ticks} ticks, every channel bit for bit"
     return f"different: first at {result.first_difference}"

@@ -1,4 +1,4 @@
-"""`zwidth report`: the report of a diagnosis, to look at or to send to somebody."""
+"""`zwidth report`: find and open the report of a diagnosis."""
 
 import re
 import webbrowser
@@ -24,7 +24,7 @@ def command(what: Path, show: bool, json_file: str | None) -> None:
     """Find the report of a diagnosis, and open it with --open.
 
     WHAT is a report (NAME.diagnosis.html), a folder (its newest report is taken), or a recording
-    (its report is searched in runs/ and beside the recording). Default: runs.
+    (its report in runs/ or beside the recording is taken). Default: runs.
 
     A report is one HTML file below 3 MB that loads nothing from elsewhere, so it can be sent as it
     is. Drag across a curve in it to zoom.
@@ -33,7 +33,7 @@ def command(what: Path, show: bool, json_file: str | None) -> None:
     path = found(what)
     text = reading(path).read_text(encoding="utf-8")
     if "</html>" not in text:
-        raise ValueError(f"{path} is not a whole report; run 'zwidth diagnose' again to make it")
+        raise ValueError(f"{path} is not a complete report; run 'zwidth diagnose' again to make it")
     console.will_write()
     headline = headline_of(text) or path.stem
     size = path.stat().st_size
@@ -51,7 +51,7 @@ def headline_of(text: str) -> str | None:
 
 
 def found(what: Path) -> Path:
-    """Return the report that is meant; raises ValueError where there is none."""
+    """Return the path of the report; raises ValueError if there is none."""
     if what.name.endswith(ENDINGS) and what.is_file():
         return what
     if what.is_dir():

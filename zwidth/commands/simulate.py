@@ -23,8 +23,8 @@ from zwidth.sim.perception import FORCE, Perception
 from zwidth.sim.run import Run
 from zwidth.user_law import controller_option
 
-# No part of the mechanism's balance: the work of the command as the controller sees it, and how
-# much of it the amplifier's lag keeps from the mechanism.
+# Not part of the mechanism's balance: the work of the command as the controller sees it, and the
+# part of it that the amplifier's lag withholds from the mechanism.
 OUTSIDE = ("work_wall", "work_actuator_lag")
 NO_WALL = ("none", "excitation", "recorded", "relay")  # controllers without a wall
 SOURCES = ("work_motor", "work_disturbance")
@@ -34,7 +34,7 @@ WORDS = {
     "limit_cycle": "settles on a limit cycle",
     "undecided": "has not shown yet whether it decays or grows",
 }
-FATES = {  # of a wall: what of `sim/fate.py` is said beside it
+FATES = {  # of a wall, with the explanation that is printed
     "rests": "comes to rest",
     "dithers": "dithers, too weakly to be felt",
     "felt": "dithers, and is felt",
@@ -70,8 +70,8 @@ def command(
 ) -> None:
     """Run the experiment that a TOML file describes.
 
-    Writes NAME.mcap, which 'zwidth replay' repeats bit for bit, and NAME.png. Interrupted, it
-    leaves every finished block of 1000 ticks in NAME.partial.mcap.
+    Writes NAME.mcap, which 'zwidth replay' repeats bit for bit, and NAME.png. After an
+    interruption, NAME.partial.mcap contains every finished block of 1000 ticks.
     """
     console = Console(json_file)
     described = load_scenario(scenario, controller)

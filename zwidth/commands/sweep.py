@@ -1,4 +1,4 @@
-"""`zwidth sweep`: the Z-width over one setting of the interface, and the best value of it."""
+"""`zwidth sweep`: the Z-width over one setting of the interface, and the setting's best value."""
 
 from pathlib import Path
 from typing import Any, get_args
@@ -117,7 +117,7 @@ def _refuse_idle(options: dict[str, Any]) -> None:
 
 
 def as_result(found: Sweep) -> dict[str, Any]:
-    """Return what JSON says of a sweep; null for no cut-off, and where no theory applies."""
+    """Return the JSON form of a sweep; null for no cut-off, and where theory does not apply."""
 
     def value(number: float) -> float | None:
         return number if np.isfinite(number) else None

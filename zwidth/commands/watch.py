@@ -1,4 +1,4 @@
-"""`zwidth watch`: what a log says while it is still being written."""
+"""`zwidth watch`: a diagnosis of a log that is still being written."""
 
 import json
 import math
@@ -32,7 +32,7 @@ from zwidth.watch.watching import Asked, Tell, follow
 from zwidth.watch.worker import Worker
 
 STREAM, UNFINISHED = "-", ".partial"
-GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what writes the log
+GIVES_WAY = 5  # niceness of searches, which give way to checks and to the log's writer
 
 
 @click.command("watch")
@@ -157,7 +157,7 @@ def _halting() -> Generator[Callable[[], bool]]:
         came.set()
         raise KeyboardInterrupt
 
-    if current_thread() is not main_thread():  # no signal reaches another
+    if current_thread() is not main_thread():  # signals reach only the main thread
         yield came.is_set
         return
     before = {s: signal.signal(s, interrupted) for s in (signal.SIGINT, signal.SIGTERM)}
@@ -178,7 +178,7 @@ def _finished(console: Console, log: Path, growing: Growing, out: Path) -> Path 
     content = (growing.spool.read_bytes() if growing.bytes else b"") + growing.rest()
     ending = "mcap" if growing.is_mcap else "csv"
     place, number = out / f"stdin.{ending}", 2
-    while place.exists():  # what was measured is not measured again
+    while place.exists():  # earlier measurements are not overwritten
         place, number = out / f"stdin-{number}.{ending}", number + 1
     console.say(f"wrote {write_bytes(place, content)}")
     return place
@@ -217,7 +217,7 @@ def _answer(
     line: str,
 ) -> dict[str, Any]:
     """Diagnose the finished log as `zwidth diagnose` does, and return its JSON."""
-    with _as_diagnose(), suppress(KeyboardInterrupt):  # then what was found until then
+    with _as_diagnose(), suppress(KeyboardInterrupt):  # then the results so far are reported
         diagnose_files(console, (log,), name, (), effort, wall, out, line)
     if not console.kept:
         raise KeyboardInterrupt
@@ -254,7 +254,7 @@ class _Lines:
             print(text, end="", flush=True)
             return
         path = Path(place)
-        if path.exists() and not path.is_file():  # a pipe takes each line once
+        if path.exists() and not path.is_file():  # a pipe gets each line only once
             write_text(path, text)
             return
         self.every.append(text)

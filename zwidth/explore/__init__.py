@@ -1,1 +1,1 @@
-"""The K-B plane of a device in a browser: what a wall becomes while its device is changed."""
+"""The K-B plane of a device in a browser: how runs at walls end while the device is changed."""

@@ -1,4 +1,4 @@
-"""Work beside the page: the newest request only, given up as soon as there is a newer one."""
+"""Background work of a page: only the newest request, abandoned when there is a newer one."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,8 +8,8 @@ from threading import Lock
 class Newest:
     """One thread that does one kind of work for one page.
 
-    A piece of work is an iterator: between its steps it is abandoned if a newer one was requested,
-    or the page has gone. `failed` is called, on the thread, with an unexpected error.
+    A piece of work is an iterator: between its steps it is abandoned if a newer one was requested
+    or the page was closed. `failed` is called, on the thread, with an unexpected error.
     """
 
     def __init__(self, failed: Callable[[Exception], None]) -> None:
@@ -20,7 +20,7 @@ class Newest:
         self._failed = failed
 
     def ask(self, work: Callable[[], Iterator[None]]) -> None:
-        """Do this work instead of whatever was asked for before."""
+        """Do this work instead of any earlier request."""
         with self._lock:
             if self._closed:
                 return
@@ -28,7 +28,7 @@ class Newest:
             self._pool.submit(self._run, self._ticket, work)
 
     def close(self) -> None:
-        """Give up what is being done, and do nothing any more."""
+        """Abandon the present work, and accept no more."""
         with self._lock:
             self._closed = True
             self._ticket += 1

@@ -1,4 +1,4 @@
-"""The devices of the page, and the results that a view needs of them, without the browser."""
+"""The devices of the page, and the results that a view needs from them, without the browser."""
 
 import math
 from collections.abc import Sequence
@@ -24,16 +24,16 @@ from zwidth.stability.plane import Axis, Plane, with_friction
 Floats = NDArray[np.float64]
 SECONDS, LIMIT_S, WINDOW_S = 4.0, 16.0, 0.5
 LINE_POINTS = 61
-WITHOUT_BOUNDARY = (0.1, 50.0)  # B and K up to which axes go where no wall is stable
-ONE_BRANCH = 0.2  # of a frequency, up to which two dampings beside each other have one oscillation
-LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits is cut off
+WITHOUT_BOUNDARY = (0.1, 50.0)  # ends of the axes for B and K if no wall is stable
+ONE_BRANCH = 0.2  # of a frequency: neighbouring dampings within it have the same oscillation
+LOST = 100.0  # times the start, or ten encoder steps, at which an unlimited run is cut off
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
     """The linear boundary: B, K_CR and ultimate frequency [Hz], each (n,); NaN where none.
 
-    without: the estimator of velocity that linear theory does not take, "" if it takes it.
+    without: the estimator of velocity that linear theory does not support, "" if it does.
     """
 
     damping: Floats
@@ -53,7 +53,7 @@ class Line:
             return None
         beside = np.argsort(np.abs(self.damping - damping))[:2]
         a, b = self.frequency[beside]
-        if not abs(b - a) <= ONE_BRANCH * a:  # another oscillation sets the limit there
+        if not abs(b - a) <= ONE_BRANCH * a:  # another oscillation limits K there
             return k, float(a)
         beside = np.sort(beside)
         return k, float(np.interp(damping, self.damping[beside], self.frequency[beside]))
@@ -114,7 +114,7 @@ class Bench:
         )  # fmt: skip
 
     def scenario(self, view: View) -> Scenario:
-        """Return the experiment of the wall that is chosen, as it is run, logged and saved."""
+        """Return the experiment of the chosen wall, as it is run, logged and saved."""
         assert view.stiffness is not None
         assert view.damping is not None
         device = self.device(view)
@@ -138,11 +138,11 @@ class Bench:
         return _line(linear.with_interface(encoder_step=0.0, command_limit=math.inf))
 
     def measured(self, view: View) -> list[MeasuredPoint]:
-        """Return the points measured on the real device, or on the first one's."""
+        """Return the points measured on the real device, or on that of the first device."""
         return measured_on({self.devices[view.device].name, self.devices[0].name})
 
     def fitted(self, view: View) -> View:
-        """Return the view with axes around the boundary and what was measured at its delay."""
+        """Return the view with axes around the boundary and the points measured at its delay."""
         dampings, stiffnesses = self._extent(view)
         return replace(
             view,
@@ -169,7 +169,7 @@ class Bench:
 
 
 def added(before: Device, after: Device) -> str:
-    """Return what a device has that another has not, or has otherwise, in words."""
+    """Return in words what a device has that another lacks or has with other values."""
     effects = {place_label(p): p for p in before.physics}
     words = [place_label(p) for p in after.physics if effects.get(place_label(p)) != p]
     words += [

@@ -1,4 +1,4 @@
-"""What the user moves: sliders, buttons, numbers, the place where a recording is dropped."""
+"""The controls of the page: sliders, buttons, numbers, and the area for dropping a recording."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,14 +26,14 @@ DROP = "input { border: 1px dashed #777; padding: 6px; width: 100%; }"
 
 
 class User(Protocol):
-    """What the page tells of its user."""
+    """The actions of the user, as the page reports them."""
 
     def change(self, **changes: Any) -> None:
         """Change parts of the view."""
         ...
 
     def refuse(self, sentence: str) -> None:
-        """Say why what was typed is not taken, and show what holds."""
+        """Say why an entry is refused, and show the present value."""
         ...
 
     def choose(self, damping: float, stiffness: float) -> None:
@@ -58,7 +58,7 @@ class User(Protocol):
 
 
 class Controls:
-    """All widgets that change the view; `show` sets them to one without telling the user of it."""
+    """All widgets that change the view; `show` sets them to a view without reporting a change."""
 
     def __init__(self, bench: Bench, view: View, user: User) -> None:
         plane = bench.plane(view)
@@ -104,7 +104,7 @@ class Controls:
         widget.on_change(name, changed)
 
     def _take(self, user: User) -> None:
-        def take() -> None:  # after the names of the files have arrived, too
+        def take() -> None:  # also after the names of the files have arrived
             if names := self.files.filename:
                 user.take(list(names), list(self.files.value))
 
@@ -112,14 +112,14 @@ class Controls:
             self.files.document.add_next_tick_callback(take)
 
     def column(self) -> list[UIElement]:
-        """Return what stands beside the plane, from the top."""
+        """Return the column beside the plane, from the top."""
         walls = Row(children=[self.stiffness, self.damping], sizing_mode="stretch_width")
         return [
             self.devices, *self.sliders.widgets.values(), self.reset, self.one_sided, walls,
         ]  # fmt: skip
 
     def nameless(self) -> dict[str, UIElement]:
-        """Return the widgets that Bokeh gives no accessible name, each by the name it needs."""
+        """Return the widgets without an accessible name from Bokeh, each by the name it needs."""
         names: dict[str, UIElement] = {str(s.title): s for s in self.sliders.widgets.values()}
         return names | {str(self.one_sided.label): self.one_sided}
 

@@ -1,4 +1,4 @@
-"""What the page lets one save: the chosen run as a log, or as a scenario that runs again."""
+"""Downloads from the page: the chosen run as a log, or as a scenario that can be run."""
 
 import asyncio
 from pathlib import Path
@@ -16,20 +16,20 @@ from zwidth.scenarios.scenario_file import scenario_to_text
 
 
 class Download(RequestHandler):
-    """Answers run.mcap and run.toml for the wall in the query; knows no files.
+    """Serves run.mcap and run.toml for the wall in the query; serves no files.
 
-    hosts: what a request must have asked for; another name means that a foreign page was made to
-    point at this machine.
+    hosts: names that a request may use; any other name means that a foreign page points at this
+    machine.
     """
 
     def initialize(self, bench: Bench, hosts: frozenset[str]) -> None:
-        """Take what the server knows."""
+        """Store the objects of the server."""
         self.bench, self.hosts = bench, hosts
 
     async def get(self, kind: str) -> None:
         """Answer with a file that a browser saves."""
         if self.request.host not in self.hosts:
-            raise HTTPError(403, "this server has another name")
+            raise HTTPError(403, "this server does not answer to this host name")
         try:
             content = await asyncio.to_thread(self._content, kind)
         except ValueError as error:
@@ -50,7 +50,7 @@ class Download(RequestHandler):
             return logged_run(scenario, Path(folder) / "run.mcap").path.read_bytes()
 
     def data_received(self, chunk: Any) -> None:
-        """Take no bodies."""
+        """Ignore request bodies."""
 
 
 def _scenario(bench: Bench, query: str) -> Scenario:

@@ -8,7 +8,7 @@ from zwidth.stability.fate_map import FateMap
 class Drawn(NamedTuple):
     """The state of a map while it is computed.
 
-    request: number of the page's request that asked for it; seconds: computed for so long.
+    request: number of the page's request for it; seconds: time computed so far.
     """
 
     request: int
@@ -18,9 +18,9 @@ class Drawn(NamedTuple):
     seconds: float
 
     def older_than(self, other: "Drawn | None") -> bool:
-        """Whether other answers the same request, further on: what waits to be shown has no order.
+        """Whether `other` is a more complete answer to the same request; they arrive in any order.
 
-        Of the same request, not of the same view: who moves a slider and back asks anew, and what
-        was seen of the first time must not hide what comes now.
+        The request counts, not the view: moving a slider and back is a new request, and pictures of
+        the first one must not hide those of the second.
         """
         return other is not None and self.request == other.request and self.seconds < other.seconds

@@ -1,4 +1,4 @@
-"""A recording dropped into the page: files as the browser sends them, in a folder of their own."""
+"""A recording dropped into the page: files as the browser sends them, in a separate folder."""
 
 import base64
 import binascii
@@ -13,11 +13,11 @@ from zwidth.sim.trace import Trace
 
 
 def read_dropped(names: Sequence[str], contents: Sequence[str]) -> tuple[Trace, list[str]]:
-    """Return the recording in files that were dropped together, and what was assumed of it.
+    """Return the recording in files that were dropped together, and the assumptions about it.
 
-    contents are base64. One file, of zwidth or of another tool, which is then taken for what it
-    seems; or a description (TOML) and the file that it describes. Nothing but
-    these files is opened, whatever the description names. Raises ValueError with a sentence.
+    contents are base64. One file, of zwidth or of another tool, whose content is then guessed; or a
+    description (TOML) and the file that it describes. Only these files are opened, whatever the
+    description names. Raises ValueError with a sentence.
     """
     if len(names) != len(contents) or not names:
         raise ValueError("no file arrived; drop a recording again")

@@ -1,4 +1,4 @@
-"""The run of one wall: what becomes of it, its samples, and its spectrum over a part of them."""
+"""The run of one wall: how it ends, its samples, and its spectrum over a part of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from zwidth.sim.trace import Trace
 from zwidth.stability.fates import Fates, evaluate
 
 Floats = NDArray[np.float64]
-HIGHEST = 1e100  # values drawn
-ROOM = 3.0  # times a run, that an axis gives to what lies beside it
-FAINT = 1e-15  # in SI, below which what is drawn is the rounding of a device at rest
-FEWEST_SAMPLES = 16  # of which a spectrum says something
+HIGHEST = 1e100  # largest value that is drawn
+ROOM = 3.0  # times a run's size: room of an axis for other curves
+FAINT = 1e-15  # in SI: smaller curves are rounding of a device at rest
+FEWEST_SAMPLES = 16  # least samples of a spectrum
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A run of the wall that a view has chosen, with its fate (one point) as the plane has it."""
+    """A run of the chosen wall of a view, with its fate (one point) as in the plane."""
 
     view: View
     trace: Trace
@@ -32,20 +32,20 @@ class Look:
 
 
 def look(bench: Bench, view: View) -> Look:
-    """Run the wall of a view, which has one and has axes; raises ValueError."""
+    """Run the wall of a view that has a wall and axes; raises ValueError."""
     scenario = bench.scenario(view)
     setup = scenario.prepare()
     (trace, _, outcome), *_ = setup.blocks(setup.ticks)
     point = np.array([view.damping]), np.array([view.stiffness])
-    with np.errstate(over="ignore"):  # of what grows without end
+    with np.errstate(over="ignore"):  # unlimited growth
         fates = evaluate(bench.plane(view), *point, workers=1)
     return Look(view, trace, outcome, fates)
 
 
 def columns(trace: Trace, shift: float = 0.0, until: float = np.inf) -> dict[str, Floats]:
-    """Return what is drawn over time, a column each; NaN where a trace does not have it.
+    """Return the curves over time as columns, NaN if a trace lacks one.
 
-    t is counted from `shift` on, and ends at `until` where that is sooner.
+    t counts from `shift` on, and ends at `until` if that comes first.
     """
     part = trace.between(shift, shift + until)
     t = part.t - shift
@@ -96,12 +96,12 @@ def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
 
 
 def reach(values: Floats) -> float:
-    """Return how far values go from zero; 0 for none."""
+    """Return the largest absolute value; 0 for none."""
     return float(np.nanmax(np.abs(values), initial=0.0))
 
 
 def fitting(run: Floats, others: Sequence[Floats]) -> tuple[float, float]:
-    """Return an axis for a run; what else lies there counts up to three times its size."""
+    """Return an axis for a run; other curves count up to three times its size."""
     most = ROOM * reach(run)
     seen = [np.clip(v, -most, most) if most > 0.0 else v for v in (run, *others)]
     known = np.concatenate([v[np.isfinite(v)] for v in seen])

@@ -10,7 +10,7 @@ from zwidth.sim.device_file import load_device
 
 
 class MeasuredPoint(NamedTuple):
-    """A wall measured at the edge of stability, at a delay [s]; frequency [Hz] where known."""
+    """A wall measured at the edge of stability, at a delay [s]; frequency [Hz] if known."""
 
     damping: float
     stiffness: float
@@ -19,7 +19,7 @@ class MeasuredPoint(NamedTuple):
 
 
 def measured_on(names: Set[str]) -> list[MeasuredPoint]:
-    """Return what was measured on the first device that has one of these names."""
+    """Return the points measured on the first device with one of these names."""
     if _shipped(table_2.DEVICE).name in names:
         return [
             MeasuredPoint(p.place, p.stiffness, p.delay, p.frequency) for p in table_2.table_2()

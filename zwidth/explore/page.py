@@ -1,4 +1,4 @@
-"""The page: where everything stands, and what it says."""
+"""The page: its layout and texts."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,12 +23,12 @@ from zwidth.sim.trace import Trace
 from zwidth.stability.fate_map import units_of
 from zwidth.stability.linear import has_theory
 
-# Style sheets are text: as models they could be in one page only.
+# Style sheets are text, since a Bokeh model can be in one page only.
 NARROW = (
     ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; overflow-wrap: anywhere;"
     " box-sizing: border-box; padding-right: 10px; }"
 )
-# Below these widths the four columns stand two by two, and then one under the other.
+# Below these widths the four columns are two by two, and then one under the other.
 TABLET = "@media (max-width: 1260px) {{ :host {{ {} }} }}"
 PHONE = "@media (max-width: 760px) {{ :host {{ {} }} }}"
 FLOWS = TABLET.format("height: auto !important; min-height: 0 !important;")
@@ -44,7 +44,7 @@ SAVES = (
     ' <a href="run.toml?{query}" download>scenario</a>'
 )
 WRITE_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.query)"
-# Bokeh gives sliders and checkboxes no name, which readers of the screen need.
+# Bokeh gives sliders and checkboxes no name, which screen readers need.
 AT_FIRST = """
 for (const [name, widget] of Object.entries(widgets)) {
   const inside = Bokeh.index.find_one(widget)?.el.shadowRoot
@@ -64,7 +64,7 @@ addEventListener("drop", (event) => {
 
 
 class Address(DataModel):
-    """The query of the page's address; a change of it is written there."""
+    """The query of the page's address; changes are written to the address."""
 
     query = String()
 
@@ -133,7 +133,7 @@ class Page:
         document.js_on_event(DocumentReady, CustomJS(args=given, code=AT_FIRST))
 
     def show_view(self, view: View) -> None:
-        """Set every widget to a view, and what does not take long: lines, marks, links, address."""
+        """Set every widget to a view, and all that is quick: lines, marks, links, address."""
         bench = self.bench
         self.controls.show(bench, view)
         device = bench.device(view)
@@ -152,19 +152,19 @@ class Page:
         self.saves.html = SAVES.format(query=escape(view.query()))
 
     def say_wall(self, html: str) -> None:
-        """Say what becomes of the wall that is chosen."""
+        """Show how the run at the chosen wall ends."""
         self.wall.html = html
 
     def say_runs(self, html: str) -> None:
-        """Say whose line is whose."""
+        """Show which line belongs to which run."""
         self.whose.update(text=html, visible=bool(html))
 
     def say_progress(self, text: str) -> None:
-        """Say what the plane shows and how far it is."""
+        """Show what the plane contains, and its progress."""
         self.progress.html = f'<span style="color:#444">{escape(text)}</span>'
 
     def say_recording(self, names: Sequence[str], trace: Trace, read: Sequence[str] = ()) -> None:
-        """Say which recording lies beside the run. read: which column and unit is what."""
+        """Show which recording is drawn with the run. read: the meaning and unit of its columns."""
         said = f"{', '.join(names)} is read as {'; '.join(read)}" if read else ""
         self.read.update(text=escape(said), visible=bool(said))
         seconds = float(trace.t[-1] - trace.t[0])
@@ -172,14 +172,14 @@ class Page:
         self.controls.recording_from.visible = True
 
     def complain(self, text: str) -> None:
-        """Say what went wrong, or with no text that nothing does any more."""
+        """Show an error; without text, remove the message."""
         trouble = self.trouble
         trouble.text = f'<b style="color:#8b0000">{escape(text)}</b>' if text else ""
         trouble.visible = bool(text)
 
 
 def beside(view: View) -> View:
-    """Return the view of the device beside: the nominal one, or of that the first of the others."""
+    """Return the view of the device to compare: the nominal one, or for it the first other."""
     return replace(view, device=0 if view.device else 1)
 
 

@@ -1,4 +1,4 @@
-"""A map of fates as an image: one colour a point, of its fate, its amplitude or its frequency."""
+"""A map of fates as an image: one colour per point, for its fate, amplitude or frequency."""
 
 import math
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from zwidth.stability.fate_map import FateMap
 
 Floats = NDArray[np.float64]
 Colours = NDArray[np.uint32]
-LOWEST_SHOWN = 2.0  # percent of the points: a few that nearly rest would stretch the scale
+LOWEST_SHOWN = 2.0  # percentile of the points: a few that nearly rest would stretch the scale
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """colours (y, x): red, green, blue, alpha in the bytes of each; scale: (low, high) or None."""
+    """colours (y, x): red, green, blue, alpha as four bytes; scale: (low, high) or None."""
 
     colours: Colours
     scale: tuple[float, float] | None
 
 
 def picture(result: FateMap, layer: Layer) -> Picture:
-    """Return the image of a layer, with the range of its logarithmic scale where it has one."""
+    """Return the image of a layer, with the range of its logarithmic scale, if it has one."""
     by_fate = np.array([_packed(COLOURS[f]) for f in Fate], dtype=np.uint32)
     fate = result.fates.fate
     if layer == "fate":

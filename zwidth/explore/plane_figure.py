@@ -1,4 +1,4 @@
-"""The K-B plane on the page: the picture, and over it boundaries, measured points, the choice."""
+"""The K-B plane on the page: the picture, with boundaries, measured points and the choice."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -113,7 +113,7 @@ class PlaneFigure:
         self.figure.add_layout(self.bar, "right")
 
     def show_map(self, result: FateMap, layer: Layer) -> None:
-        """Draw a map, which may be one on its way."""
+        """Draw a map, which may be unfinished."""
         drawn = picture(result, layer)
         half_x = 0.5 * float(result.x[1] - result.x[0])
         half_y = 0.5 * float(result.y[1] - result.y[0])
@@ -133,7 +133,7 @@ class PlaneFigure:
         }  # fmt: skip
 
     def show_lines(self, line: Line, other: Line | None) -> None:
-        """Draw the linear boundary, and that of the device beside."""
+        """Draw the linear boundary, and that of the device for comparison."""
         for source, shown in ((self.line, line), (self.other, other)):
             source.data = {
                 "B": [] if shown is None else shown.damping,
@@ -153,7 +153,7 @@ class PlaneFigure:
             }  # fmt: skip
 
     def show_choice(self, damping: float | None, stiffness: float | None) -> None:
-        """Mark the wall that is chosen."""
+        """Mark the chosen wall."""
         known = damping is not None and stiffness is not None
         self.choice.data = {"B": [damping], "K": [stiffness]} if known else {"B": [], "K": []}
 
@@ -164,7 +164,7 @@ class PlaneFigure:
 
 
 def bounded(result: FateMap) -> Floats:
-    """Return the amplitudes (y, x); infinite for what grows where no limit holds it.
+    """Return the amplitudes (y, x), infinite for runs that grow without a limit.
 
     Infinite instead of NaN, since Bokeh writes NaN itself whatever the formatter is.
     """

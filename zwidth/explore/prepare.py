@@ -1,4 +1,4 @@
-"""What must be done before the first page opens: compile every kernel that a slider may call."""
+"""Work before the first page opens: compiles every kernel that a slider may call."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,11 +10,11 @@ from zwidth.explore.look import look
 from zwidth.explore.view import View
 from zwidth.stability.fates import evaluate
 
-NEVER_FELT = 1e-12  # a level of friction that only brings its kernel in
+NEVER_FELT = 1e-12  # a level of friction that only loads its kernel
 
 
 def steps(bench: Bench) -> list[tuple[str, Callable[[], object]]]:
-    """Return what there is to prepare: what it is, and what does it."""
+    """Return the steps of the preparation: name and function."""
     found: list[tuple[str, Callable[[], object]]] = []
     for number, device in enumerate(bench.devices):
         view = replace(bench.fitted(View(device=number)), stiffness=1.0, damping=0.0)

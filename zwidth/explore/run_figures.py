@@ -1,4 +1,4 @@
-"""The run on the page: over time, in the phase plane, as a spectrum; all show the same span."""
+"""The run on the page: over time, in the phase plane, as a spectrum, all for the same span."""
 
 import math
 from collections.abc import Callable
@@ -27,11 +27,11 @@ from zwidth.sim.readable import prefix
 
 Floats = NDArray[np.float64]
 Drawn = dict[str, Floats]
-# What lies on each other; the run itself is drawn last, on top.
+# Curves drawn over each other; the run itself is drawn last, on top.
 RUN, BESIDE, RECORDED = "run", "beside", "recorded"
 LOOKS = {RECORDED: (MEASURED, "solid"), BESIDE: (BEFORE, "dashed"), RUN: (AFTER, "solid")}
 WIDTHS = {RECORDED: UNDER, BESIDE: 1.3, RUN: 1.3}
-ENERGIES = {  # colour, label, dashes; the last lies on top
+ENERGIES = {  # colour, label, dashes; the last is on top
     "stored": (AFTER, "stored", "solid"), "spent": ("#777777", "dissipated", "solid"),
     "motor": (COLOURS[5], "from the motor", "dashed"),
 }  # fmt: skip
@@ -47,7 +47,7 @@ FEW_TICKS = 3
 class RunFigures:
     """Four figures over time with one axis, a phase plane and a spectrum.
 
-    zoomed: called with the time span that is shown when the user changes it, None for all.
+    zoomed: called with the new time span when the user changes it, None for all.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class RunFigures:
                 "position", "velocity", source=self.phase[which], color=colour, line_dash=dash,
                 alpha=0.7, line_width=WIDTHS[which],
             )  # fmt: skip
-        # Beside a recording the plane is narrow: few ticks, short labels, none over another.
+        # Beside a recording the plane is narrow: few ticks, short labels, no overlaps.
         drawn.xaxis.ticker = BasicTicker(desired_num_ticks=FEW_TICKS)
         drawn.xaxis.formatter = PrintfTickFormatter(format="%.4g")
         drawn.yaxis.formatter = PrintfTickFormatter(format="%.4g")
@@ -162,7 +162,7 @@ class RunFigures:
         return drawn
 
     def show(self, runs: dict[str, Drawn | None], span: Times | None) -> None:
-        """Draw some of the runs that lie on each other (None takes one away) in a time span."""
+        """Draw some of the superimposed runs (None removes one) in a time span."""
         for which, drawn in runs.items():
             self.runs[which] = NOTHING if drawn is None else drawn
         self.scales = {name: self._scale(name) for name in QUANTITIES}
@@ -185,13 +185,13 @@ class RunFigures:
 
     @property
     def beyond(self) -> float:
-        """Times as far as the run that the recording moves; 0 where the axis holds both."""
+        """Size of the recording over that of the run; 0 if the axis contains both."""
         run, recorded = (reach(self.runs[which]["position"]) for which in (RUN, RECORDED))
         return recorded / run if recorded > ROOM * run > 0.0 else 0.0
 
     @property
     def ends(self) -> float:
-        """Where the time axis ends: where the runs do, which may be lost early."""
+        """The end of the time axis: that of the runs, which may be cut off early."""
         last = [float(d["t"][-1]) for n, d in self.runs.items() if n != RECORDED and d["t"].size]
         return min(self.seconds, max(last, default=self.seconds)) or self.seconds
 
@@ -223,7 +223,7 @@ class RunFigures:
             return 1.0
         names = QUANTITIES[name]
         parts = {which: np.concatenate([r[n] for n in names]) for which, r in self.runs.items()}
-        shown = fitting(parts.pop(RUN), list(parts.values()))  # the unit is that of the axis
+        shown = fitting(parts.pop(RUN), list(parts.values()))  # in the unit of the axis
         power, letter = prefix(max(map(abs, shown)))
         label = f"{name} [{letter}{self.units[name]}]"
         if name in self.over_time:

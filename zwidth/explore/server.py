@@ -1,4 +1,4 @@
-"""The server: this machine only unless told otherwise, its own pages and nothing else."""
+"""The server: by default for this machine only, and only for its own pages."""
 
 import errno
 from typing import Any, NamedTuple
@@ -19,8 +19,8 @@ from zwidth.explore.view import read_query
 
 LOCAL = "localhost"
 ANY = ("", "0.0.0.0", "::", "*")
-GONE_MS = 15_000  # after which a page without a browser is given up
-MOST_BYTES = 400 * 2**20  # of a recording as it is dropped into the page
+GONE_MS = 15_000  # after which a page without a browser is closed
+MOST_BYTES = 400 * 2**20  # of a recording that is dropped into the page
 
 
 class Listening(NamedTuple):
@@ -31,10 +31,10 @@ class Listening(NamedTuple):
 
 
 def listen(bench: Bench, address: str = LOCAL, port: int = 0) -> Listening:
-    """Return a server that listens; `server.start()` and its `io_loop` make it answer.
+    """Return a listening server; `server.start()` and its `io_loop` start it.
 
-    port 0: any that is free. A browser gets in by `address` and the port only. Raises ValueError
-    where the port is taken or the address is none of this machine.
+    port 0: any free port. A browser has access by `address` and the port only. Raises ValueError if
+    the port is in use or the address does not belong to this machine.
     """
     if address in ANY:
         raise ValueError(

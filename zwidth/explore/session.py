@@ -1,4 +1,4 @@
-"""One open page: a view, what is computed for it, and what is shown of it."""
+"""One open page: a view, its computations and its display."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -22,23 +22,23 @@ from zwidth.sim.trace import Trace
 from zwidth.stability.plane import Plane
 from zwidth.stability.sketch import sketch
 
-PATIENCE_S = 0.12  # [s] after which a picture that is not finished yet is shown
+PATIENCE_S = 0.12  # [s] after which an unfinished picture is shown
 
 
 class Session:
-    """A page of one browser tab; nothing of it is shared with other tabs."""
+    """A page of one browser tab, which shares nothing with other tabs."""
 
     def __init__(self, document: Document, bench: Bench, view: View, complaints: list[str]) -> None:
         self.document, self.bench, self.view = document, bench, view
         self.recording = bench.recording
         self.drawn: Drawn | None = None
-        self.request = 0  # the newest for a plane
+        self.request = 0  # number of the newest request for a plane
         self.run_waits = False
         self.planes, self.runs = (Newest(self._failed) for _ in range(2))
         try:
             view = self._with_axes(view)
             bench.plane(view)
-        except ValueError as error:  # a link whose parts are allowed, but not together
+        except ValueError as error:  # each part of the link is allowed, but not the combination
             view, complaints = self._with_axes(View()), [*complaints, f"{error}; link left out"]
         self.page = Page(bench, view, self)
         document.on_session_destroyed(lambda _: self.close())
@@ -46,12 +46,12 @@ class Session:
         self._show(View(), self._chosen_at_first(view))
 
     def close(self) -> None:
-        """Give up all work: the tab was closed."""
+        """Abandon all work: the tab was closed."""
         self.planes.close()
         self.runs.close()
 
     def change(self, **changes: Any) -> None:
-        """Change the view as the user asked, and show what follows."""
+        """Change the view as the user wants, and show the result."""
         before, view = self.view, replace(self.view, **changes)
         try:
             view = self._with_axes(view)
@@ -76,7 +76,7 @@ class Session:
             self.page.complain("a wall has K above 0 and B of 0 or more; click there")
 
     def refuse(self, sentence: str) -> None:
-        """Say why what was typed is not taken, and show what holds."""
+        """Say why an entry is refused, and show the present value."""
         self.page.complain(sentence)
         self.page.show_view(self.view)
 
@@ -95,7 +95,7 @@ class Session:
         self.change(time_range=None if span == (0.0, SECONDS) else span)
 
     def take(self, names: list[str], contents: list[str]) -> None:
-        """Lay a recording beside the run."""
+        """Draw a recording with the run."""
         try:
             self.recording, said = read_dropped(names, contents)
         except (ValueError, OSError) as error:
@@ -147,7 +147,7 @@ class Session:
         for latest in sketch(plane):
             now = perf_counter()
             if latest.finished or now > due:
-                due = now + max(PATIENCE_S, now - began)  # fewer and fewer: each costs the browser
+                due = now + max(PATIENCE_S, now - began)  # ever less often: each costs time
                 filled, seconds = latest.filled(), now - began
                 drawn = Drawn(request, filled, latest.middle, latest.finished, seconds)
                 self._later(partial(self._show_plane, drawn))
@@ -167,7 +167,7 @@ class Session:
         self.page.plane.show_map(drawn.result, self.view.layer)
         said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished, drawn.seconds)
         self.page.say_progress(said)
-        if self.run_waits:  # until the first picture is seen, which is what one waits for
+        if self.run_waits:  # until the first picture, for which the user waits
             self._ask_for_run()
 
     def _ask_for_run(self) -> None:

@@ -1,4 +1,4 @@
-"""The five sliders: what they are called, where they can stand, what they say of the device."""
+"""The five sliders: their names, their values, and their meaning for the device."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ MOST_DELAY = 10  # ticks, in tenths
 
 @dataclass(frozen=True)
 class Kind:
-    """Where a slider of a device can stand, and how its unit is written."""
+    """The possible values of a slider, and how its unit is written."""
 
     values: list[float]
     unit: str
@@ -31,11 +31,11 @@ class Kind:
 
 
 def kinds(plane: Plane) -> dict[str, Kind]:
-    """Return the sliders of a device, name -> where it can stand."""
+    """Return the sliders of a device, name -> possible values."""
     rotary, period = plane.device.rotary, plane.device.interface.period
     force = units_of(plane, "command_limit")
     delays = [round(0.1 * k * 1e9 * period) * 1e-9 for k in range(10 * MOST_DELAY + 1)]
-    up = 0 if rotary else 2  # a device of which one takes hold is in N what others are in 10 mN m
+    up = 0 if rotary else 2  # forces in N are typically 100 times the torques in N m
     return {
         "encoder_step": Kind(decades(-7, -2), units_of(plane, "encoder_step"), 0.0),
         "command_limit": Kind(decades(-3 + up, 1 + up), force, float("inf")),
@@ -48,7 +48,7 @@ def kinds(plane: Plane) -> dict[str, Kind]:
 class Sliders:
     """The widgets; `moved(name, value)` is called when the user moves one.
 
-    The value is None if the slider stands at what the device has itself.
+    The value is None if the slider is at the device's own value.
     """
 
     def __init__(self, plane: Plane, moved: Callable[[str, float | None], None]) -> None:
@@ -67,7 +67,7 @@ class Sliders:
         self.show(plane, plane, View())
 
     def show(self, own: Plane, present: Plane, view: View) -> None:
-        """Set all sliders. own, present: planes of the device as it is and as it is changed."""
+        """Set all sliders. own, present: planes of the device itself and of the changed device."""
         self._showing = True
         try:
             for name, kind in kinds(own).items():

@@ -1,4 +1,4 @@
-"""Numbers in what the browser says under the pointer, as `sim.readable` writes them here."""
+"""Numbers in the browser's tooltips, written as in `sim.readable`."""
 
 from bokeh.models import CustomJSHover
 
@@ -19,9 +19,9 @@ return digits + " " + letters[power] + "%(unit)s"
 
 
 def sized(unit: str) -> CustomJSHover:
-    """Return what writes a number with its prefix: 2.1e-3, "rad" -> "2.1 mrad".
+    """Return a formatter that writes a number with its prefix: 2.1e-3, "rad" -> "2.1 mrad".
 
-    What is no number there is of a run that grew until nothing was left to measure.
+    NaN there belongs to a run that grew until it could not be measured.
     """
     letters = {str(power): letter for power, letter in LETTERS.items()}
     values = {"unbounded": UNBOUNDED, "unit": unit, "letters": letters, "least": min(LETTERS)}

@@ -1,4 +1,4 @@
-"""A tour of three steps for who is new to the page: three addresses, each with what to look at."""
+"""A tour of three steps for new users: three addresses, each with what to look at."""
 
 from dataclasses import dataclass, replace
 from html import escape
@@ -6,9 +6,9 @@ from html import escape
 from zwidth.explore.bench import Bench
 from zwidth.explore.view import View
 
-BELOW, BEYOND = 0.6, 1.2  # of the linear boundary, at which the walls of the tour stand
-DAMPING = 0.25  # of the largest damping that the plane shows
-COARSE = 0.1  # of the start amplitude, that an encoder step of the tour is
+BELOW, BEYOND = 0.6, 1.2  # K of the tour's walls, over the linear boundary
+DAMPING = 0.25  # damping of the walls, over the largest in the plane
+COARSE = 0.1  # encoder step of the tour, over the start amplitude
 SEEN = ("device", "delay", "encoder_step", "command_limit", "friction", "start", "one_sided",
         "stiffness", "damping")  # fmt: skip
 
@@ -22,12 +22,12 @@ class Step:
     sentence: str
 
     def shows(self, view: View) -> bool:
-        """Whether a view is the one of this step, whatever part of it is zoomed to."""
+        """Whether a view is that of this step, whatever part of it is shown."""
         return all(getattr(view, name) == getattr(self.view, name) for name in SEEN)
 
 
 def steps(bench: Bench) -> tuple[Step, ...]:
-    """Return the steps for the first device of a bench; none where no wall of it is stable."""
+    """Return the steps for the first device of a bench; none if it has no stable wall."""
     first = bench.fitted(View())
     assert first.damping_range is not None
     damping = _short(DAMPING * first.damping_range[1])
@@ -49,7 +49,7 @@ def steps(bench: Bench) -> tuple[Step, ...]:
 
 
 def links(bench: Bench, view: View) -> str:
-    """Return the tour as a line of HTML: its links, and what to look at in the step shown."""
+    """Return the tour as a line of HTML: its links, and what to look at in the present step."""
     found = steps(bench)
     if not found:
         return ""

@@ -1,4 +1,4 @@
-"""All that one looks at, as one value; in the address of the page it is a query."""
+"""Everything that the page shows, as one value; in the page's address it is a query."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +13,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class View:
-    """What is shown. Units are those of the device, rad and N m or m and N; times in s.
+    """What is shown. Units are those of the device, rad and N m or m and N; times are in s.
 
     device: its number, from 0. delay to friction: None if the device's own value is meant.
     start: amplitude. stiffness, damping: the wall whose run is shown, None for none yet. damping_
@@ -37,7 +37,7 @@ class View:
     recording_from: float = 0.0
 
     def query(self) -> str:
-        """Return the query of an address, without what is as it is at first."""
+        """Return the query of an address, without default values."""
         first = View()
         pairs = [
             (KEYS[f.name][0], _text(getattr(self, f.name)))
@@ -47,7 +47,7 @@ class View:
         return urlencode(pairs, safe=",")
 
 
-# What the plane, and what the run of the chosen wall, depend on.
+# Fields on which the plane, and the run of the chosen wall, depend.
 OF_THE_PLANE = (
     "device", "delay", "encoder_step", "command_limit", "friction", "start", "one_sided",
     "damping_range", "stiffness_range",
@@ -117,7 +117,7 @@ def _flag(text: str) -> bool:
     return text == "1"
 
 
-# Field -> its key in a query, and what reads it or raises ValueError with what is allowed.
+# Field -> its key in a query, and its parser, which raises ValueError with what is allowed.
 KEYS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "device": ("device", _whole),
     "layer": ("layer", _layer),
@@ -137,9 +137,9 @@ KEYS: dict[str, tuple[str, Callable[[str], Any]]] = {
 
 
 def read_query(query: Mapping[str, Sequence[str]], devices: int = 1) -> tuple[View, list[str]]:
-    """Return the view of a query, and a sentence for everything in it that is left out.
+    """Return the view of a query, and a sentence on each ignored part.
 
-    query: key -> values, as `urllib.parse.parse_qs` gives it. devices: how many there are.
+    query: key -> values, as from `urllib.parse.parse_qs`. devices: their number.
     """
     names = {key: (name, read) for name, (key, read) in KEYS.items()}
     view, complaints = View(), list[str]()

@@ -1,4 +1,4 @@
-"""What the page says: of a wall, of the plane, of the device."""
+"""The texts of the page on a wall, the plane and the device."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from zwidth.sim.readable import plain, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.plane import Plane, is_friction_at_m1
 
-EARLY = 0.98  # of the time that is shown, before which a run that ends was lost
+EARLY = 0.98  # of the time shown: a run that ends earlier was cut off
 SHORT = {
     Fate.RESTS: "rest",
     Fate.DITHERS: "dither",
@@ -28,7 +28,7 @@ SHORT = {
 
 
 def heading(bench: Bench, view: View) -> str:
-    """Return what stands at the top: which device this is, and what to do, as HTML."""
+    """Return the heading: the device, and what to do, as HTML."""
     name = bench.devices[view.device].name
     if (shown := bench.names[view.device]) != name:
         name = f"{name}, {shown}"
@@ -102,7 +102,7 @@ def _ends(found: Look) -> float:
 def of_the_plane(
     result: FateMap, middle: bool, finished: bool, seconds: float | None = None
 ) -> str:
-    """Return the shares of the fates and how far the picture is, after how long, as plain text."""
+    """Return the shares of the fates, and the picture's progress and time, as plain text."""
     shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
     said = " \u00b7 ".join(f"{_percent(share)} {SHORT[f]}" for f, share in shares if share > 0.0)
     grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
@@ -112,7 +112,7 @@ def of_the_plane(
 
 
 def of_the_recording(beyond: float) -> str:
-    """Return what a recording is called; beyond: times as far as the run that it moves, or 0."""
+    """Return the label of a recording; beyond: its size over that of the run, or 0."""
     if not beyond:
         return "recording"
     return f"recording ({plain(beyond, 2)} times larger)"
@@ -137,7 +137,7 @@ def _percent(share: float) -> str:
 
 
 def legend(perceptible: str, measured: bool, theory: bool) -> str:
-    """Return what colours, lines and marks mean, as HTML.
+    """Return the meaning of colours, lines and marks, as HTML.
 
     perceptible: force that is felt. measured, theory: whether a device has any.
     """
@@ -178,7 +178,7 @@ def of_the_runs(looks: Mapping[str, tuple[str, str]], names: Mapping[str, str]) 
 
 
 def of_the_device(device: Device) -> str:
-    """Return what a device has besides what the sliders set, as HTML; empty for nothing."""
+    """Return the parts of a device that the sliders do not set, as HTML; empty for none."""
     effects = [place_label(p) for p in device.physics if not is_friction_at_m1(p)]
     names = [f"{label.replace('_', ' ').replace('@', ' at ')}" for label in effects]
     return f"Also in the device: {escape(', '.join(names))}." if names else ""

@@ -1,1 +1,1 @@
-"""One picture a file: from plain results to a matplotlib figure, nothing of the engine."""
+"""One picture per file: from plain results to a matplotlib figure, without the engine."""

@@ -1,4 +1,4 @@
-"""The boundary of a device before and after a diagnosis, beside each other."""
+"""The boundaries of a device before and after a diagnosis."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ LINEAR = "0.35"
 
 
 def augmented_boundary_figure(found: AugmentedBoundary) -> Figure:
-    """Return K_CR over B: the device file's device and the augmented one; stable is below."""
+    """Return K_CR over B of the nominal and of the augmented device; walls below it are stable."""
     force, length = ("N m", "rad") if found.rotary else ("N", "m")
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 3.8), layout="constrained")

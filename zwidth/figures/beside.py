@@ -19,7 +19,7 @@ HAND, SURE, PASSIVE = 0.18, 0.5, "0.2"
 
 @dataclass(frozen=True)
 class Band:
-    """A delay: line (B, K, f), each (n,); hand and sure (m, 2) over grid (m,); passive walls."""
+    """One delay: line (B, K, f), each (n,); over grid (m,): bands hand and sure (m, 2); passive."""
 
     label: str
     colour: str
@@ -32,7 +32,7 @@ class Band:
 
 
 def beside_figure(bands: Sequence[Band]) -> Figure:
-    """Return one panel a delay, each with the origin enlarged."""
+    """Return one panel per delay, each with the origin enlarged."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.9), layout="constrained")
         for axes, band in zip(figure.subplots(1, len(bands), squeeze=False)[0], bands, strict=True):

@@ -1,4 +1,4 @@
-"""Fig. 3: a recorded frequency response with the models that are meant to explain it."""
+"""Fig. 3: a recorded frequency response with models of it."""
 
 import numpy as np
 from matplotlib import rc_context

@@ -17,10 +17,10 @@ from zwidth.figures.style import COLOURS, DASHES, SHAPES, STYLE
 from zwidth.results import BoundaryResult, DelayBoundary, Interval, Point
 
 Floats = NDArray[np.float64]
-UNFELT = 0.25  # strength of the colour of walls of which nothing is felt
-JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
-INSET_ROOM = 1.45  # of the picture's width, for what it enlarges
-DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
+UNFELT = 0.25  # opacity of walls without felt dither
+JUMP = 4.0  # ratio of neighbouring frequencies that means a change of branch
+INSET_ROOM = 1.45  # of the picture's width, for the inset
+DOTS = 60  # most time-domain brackets shown per delay; each is narrower than its dot
 
 
 class Look(NamedTuple):
@@ -35,9 +35,9 @@ Value = Callable[[Point], float | None]
 
 
 class Corner(NamedTuple):
-    """The corner at the origin in which walls are passive, densely: B, passive K, linear K_CR.
+    """The corner at the origin with the passive walls, finely: B, passive K, linear K_CR.
 
-    Each (n,), over B from 0 to about twice where the last wall is passive; 0 for none.
+    Each (n,), for B from 0 to about twice the last B with a passive wall; 0 for none.
     """
 
     damping: Floats
@@ -50,9 +50,9 @@ def boundary_figure(
 ) -> Figure:
     """Return the figure; lines are theory, dots brackets of simulations, open shapes measured.
 
-    corners: of each boundary, where passive walls were asked for: they end so near to the origin
-    that an inset enlarges it.
-    A line ends where no K is stable. A misprinted point stands where it belongs, dotted by a cross.
+    corners: of each boundary, if passive walls were requested: they are so near the origin that an
+    inset enlarges it. A line ends where no K is stable. A misprinted point is drawn at its
+    corrected place, marked by a cross.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 7.6), layout="constrained")
@@ -125,7 +125,7 @@ def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, join
     y: list[float] = []
     for point in points:
         now = _number(value(point))
-        ratio = now / y[-1] if y else 1.0  # NaN beside a gap, which is no jump
+        ratio = now / y[-1] if y else 1.0  # NaN beside a gap is not a jump
         if not joined and (ratio < 1 / JUMP or ratio > JUMP):
             axes.plot([x[-1], point.damping], [y[-1], now], color=look.colour, linewidth=0.6)
             x.append(point.damping)

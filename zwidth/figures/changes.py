@@ -1,4 +1,4 @@
-"""A parameter that does not stay the same, over time: as each window tells it, and as fitted."""
+"""A changing parameter over time: its value in each window, and the fitted change."""
 
 import numpy as np
 from matplotlib import rc_context
@@ -12,7 +12,7 @@ DOTS, LINE, DATE = AFTER, BEFORE, INTERVAL
 
 
 def changes_figure(change: Change) -> Figure:
-    """Return the course of what changes, with 95 % intervals and the date of a step."""
+    """Return the course of a changing parameter, with 95 % intervals and the date of a step."""
     own = change.windows
     size = float(np.nanmax(np.abs([change.before.value, change.after.value])))
     factor, unit = scaled(size, change.after.unit)

@@ -1,4 +1,4 @@
-"""Signals over time, a panel for each unit: of a recording, whose channels nobody knows before."""
+"""Signals of any recording over time, with a panel for each unit."""
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -11,7 +11,7 @@ QUANTITIES = {
     "rad": "position", "m": "position", "rad/s": "velocity", "m/s": "velocity",
     "rad/s2": "acceleration", "m/s2": "acceleration", "N m": "torque", "N": "force", "J": "energy",
 }  # fmt: skip
-PANEL = 1.9  # inches
+PANEL = 1.9  # height in inches
 
 
 def channels_figure(trace: Trace, title: str = "") -> Figure:

@@ -1,4 +1,4 @@
-"""How much of its band each recording takes up."""
+"""How much of its band each recording uses."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from zwidth.figures.style import AFTER, BEFORE, STYLE
 
 
 def check_figure(shares: Sequence[tuple[str, float, bool]]) -> Figure:
-    """Return a bar for each name: the error over the most that is within the band, logarithmic."""
+    """Return a bar for each name: the error over the largest one within the band, logarithmic."""
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 1.0 + 0.35 * max(1, len(shares))), layout="constrained")
         ax = figure.subplots()

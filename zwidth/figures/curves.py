@@ -1,4 +1,4 @@
-"""Critical stiffness and ultimate frequency over damping: any number of named curves and points."""
+"""Critical stiffness and ultimate frequency over damping, for any named curves and points."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ THEIRS = (0, (5, 2))
 
 @dataclass(frozen=True)
 class Curve:
-    """A line over damping; nan where there is no stable K. style: "-" ours, `THEIRS` dashed."""
+    """A line over damping; NaN where no K is stable. style: "-" ours, `THEIRS` dashed."""
 
     damping: Floats
     stiffness: Floats
@@ -76,7 +76,7 @@ def curves_figure(
 
 
 def frequency_axis(axes: Axes) -> None:
-    """Make the vertical axis one of frequencies that span decades, labelled in plain numbers."""
+    """Set the vertical axis for frequencies over decades, labelled in plain numbers."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
@@ -84,7 +84,7 @@ def frequency_axis(axes: Axes) -> None:
 
 
 def broken(axes: Axes, line: Curve, style: dict[str, Any]) -> None:
-    """Draw frequency over damping, thin and upright where the branch changes."""
+    """Draw frequency over damping, with a thin vertical line where the branch changes."""
     x, y = [float(line.damping[0])], [float(line.frequency_hz[0])]
     for b, f in zip(line.damping[1:].tolist(), line.frequency_hz[1:].tolist(), strict=True):
         if y[-1] == y[-1] and not 1 / JUMP < f / y[-1] < JUMP and f == f:

@@ -31,15 +31,15 @@ from zwidth.sim.readable import percent, scaled, with_unit
 
 Floats = NDArray[np.float64]
 SLICES = 60
-COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
-LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
-ROOM = 1.15  # of the motion
-WIDER = 2.0  # times as high a panel becomes at most, if it then contains every line
+COLUMNS = 800  # of a picture; a line is its lowest and its highest value in each
+LEVEL = 0.02  # of its level: of a flatter map only the shape is drawn
+ROOM = 1.15  # of the motion: height of a panel
+WIDER = 2.0  # largest factor of a panel's height, if it then contains every line
 CUT, HIDDEN = ", cut off", ", not shown below"  # after the label of a line
-EDGE = 0.12  # of the width of a panel beside another, where no label of time stands
-LETTERS = 18  # of all labels of time of such a panel; more would touch
-WIDE = 20.0  # from the smallest to the largest residual, from which their axis is logarithmic
-CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
+EDGE = 0.12  # of the width of a panel beside another, without labels of time
+LETTERS = 18  # total letters of the labels of time in such a panel; more would touch
+WIDE = 20.0  # largest over smallest residual, above which their axis is logarithmic
+CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; least ticks
 # run -> label, colour, dashes
 WITH_NAMES = {
     "before": ("device file", FILE, ":"),
@@ -69,7 +69,7 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
         figure = Figure(figsize=(7.2, 5.0))
         panels = figure.subplots(2, 2, squeeze=False).ravel()
         _within(figure, hspace=0.42, wspace=0.28)
-        for axes in panels[len(maps) :]:  # of a free motion there is no command
+        for axes in panels[len(maps) :]:  # a free motion has no command
             axes.remove()
         for axes, m, missing in zip(panels, maps, forces, strict=False):
             middle = 0.5 * (m.edges[1:] + m.edges[:-1])
@@ -119,17 +119,17 @@ def _about_its_level(force: Floats) -> Floats:
 
 
 def run_lines(named: bool, run: WholeRun) -> dict[str, tuple[str, str, str]]:
-    """Return label, colour and dashes of each simulated run; named: whether anything was found."""
+    """Return label, colour and dashes of each simulated run; named: whether it has effects."""
     words = WITH_NAMES if named else WITHOUT
     return words | LEARNED if "law" in run.simulated else words
 
 
 def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
-    """Return what was measured beside free runs before and after, errors below, in fitting units.
+    """Return the measurement with free runs before and after, and errors below, in fitting units.
 
-    named: whether anything was found; else before is the device file, and after the refit. A run
-    that goes far beyond the motion is cut off, and its label says so. Where the motion is too quick
-    for the width of a page, its quickest stretch stands beside it.
+    named: whether any effect was found; else before is the device file, and after the refit. A run
+    that goes far beyond the motion is cut off, and its label says so. If the motion is too fast for
+    the width of a page, its fastest stretch is drawn beside it.
     """
     t = run.begins + run.period * np.arange(run.measured.size, dtype=np.float64)
     middle = float(run.measured.mean())
@@ -170,11 +170,11 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
 
 
 def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
-    """Return the force that acts beside those that the recorded motion needs, differences below.
+    """Return the acting force with those that the recorded motion needs, and differences below.
 
-    named: whether anything was found; else before is the device file, and after the refit. A model
-    that needs far more than was commanded is cut off, and one whose difference is far larger than
-    the others' is not drawn below; the label says so.
+    named: whether any effect was found; else before is the device file, and after the refit. A
+    model that needs far more than was commanded is cut off, and one with a far larger difference
+    than the others is not drawn below; the label says so.
     """
     commanded = forces.acting["before"]
     t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
@@ -263,11 +263,11 @@ def _ground(figure: Figure, held_out: bool) -> str:
 
 
 def envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a series (n) as what a picture can show of it: no swing of it is lost.
+    """Return a series (n,) reduced to the resolution of a picture, with all its swings.
 
     A series of more samples than twice `COLUMNS` becomes the lowest and the highest value of each
-    column, in the order in which they come; a shorter one stays as it is. What is not finite is
-    left out of a column that holds finite values.
+    column, in their order; a shorter one is unchanged. Values that are not finite are left out of a
+    column with finite values.
     """
     if values.size <= 2 * COLUMNS:
         return t, values
@@ -312,7 +312,7 @@ def _ticks_inside(axes: Axes) -> None:
     room = EDGE * (high - low)
     at = MaxNLocator(nbins=4).tick_values(low, high)
     inside = [t for t in at if low + room <= t <= high - room]
-    longest = max((len(f"{t:.6g}") for t in inside), default=0)  # all have its decimals
+    longest = max((len(f"{t:.6g}") for t in inside), default=0)  # all have as many decimals
     if longest * len(inside) > LETTERS:
         inside = [inside[0], inside[-1]]
     axes.set_xticks(inside)
@@ -325,7 +325,7 @@ def _close_look(run: WholeRun) -> slice | None:
     if turns.size < CROWDED or run.measured.size < 10 * CLOSE:
         return None
     ticks = max(CLOSE, round(run.measured.size * SWINGS / turns.size))
-    # The middle of the recording: its beginning is where every run starts right.
+    # The middle of the recording, since every run is right at its beginning.
     first = max(0, run.measured.size // 2 - ticks // 2)
     return slice(first, min(run.measured.size, first + ticks))
 
@@ -333,13 +333,13 @@ def _close_look(run: WholeRun) -> slice | None:
 def residual_figure(residuals: Residuals, named: bool = True) -> Figure:
     """Return the rms of the innovations over time, and their spectrum, before and after.
 
-    Both in units of the noise model: where nothing is missing they lie at one. named: whether
-    anything was found; else there is only the refit.
+    Both in units of the noise model: they are one if nothing is missing. named: whether any effect
+    was found; else there is only the refit.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.3))
         over_time, spectrum = figure.subplots(1, 2)
-        headed(figure, "How far the next sample is from its prediction, beside the noise")
+        headed(figure, "Error of the prediction one sample ahead, relative to the noise")
         _within(figure, bottom=0.75, top=0.36, wspace=0.36)
         lines = (
             (residuals.before, BEFORE, "linear refit"),
@@ -351,16 +351,16 @@ def residual_figure(residuals: Residuals, named: bool = True) -> Figure:
         for axes in (over_time, spectrum):
             axes.axhline(1.0, color="0.4", linestyle=":", linewidth=1.0, label="white noise")
         over_time.set_xlabel("time [s]")
-        over_time.set_ylabel("residual, rms over noise")
+        over_time.set_ylabel("rms residual / noise")
         low, high = over_time.dataLim.intervaly
-        if high > WIDE * max(low, 0.1):  # on a linear scale what was found would lie on the axis
+        if high > WIDE * max(low, 0.1):  # on a linear scale the answer would be on the axis
             over_time.set_yscale("log")
             _plain_numbers(over_time, of_time=True)
         else:
             over_time.set_ylim(bottom=0.0)
         _plain_numbers(spectrum)
         spectrum.set_xlabel("frequency [Hz]")
-        spectrum.set_ylabel("power over white noise")
+        spectrum.set_ylabel("power / power of white noise")
         handles, labels = over_time.get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=3)
     return figure
@@ -391,11 +391,11 @@ def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: st
 
 
 def _spectrum(axes: Axes, values: Floats, period: float, colour: str) -> None:
-    from scipy.signal import welch  # with matplotlib, half of what the program loads
+    from scipy.signal import welch  # with matplotlib, half of the program's loading time
 
     size = min(1024, values.shape[0])
     frequency, power = welch(values, 1.0 / period, nperseg=size, axis=0)
-    # A one-sided density has its first and its Nyquist bin once, all others twice.
+    # In a one-sided density the first and the Nyquist bin count once, all others twice.
     twice = (frequency > 0.0) & (frequency < 0.499 / period)
     density = power[twice].mean(axis=1) / (2.0 * period)
     axes.loglog(frequency[twice], density, color=colour, linewidth=1.1)

@@ -1,7 +1,7 @@
 """What an effect does, and the motion with it and without it.
 
-On one mass of 1.5e-3 kg m2 (in a link: with a second of 0.8e-3 kg m2 on 12 N m/rad), simulated by
-the kernel, at a size at which it is seen.
+Simulated by the kernel on one mass of 1.5e-3 kg m2 (in a link: with a second mass of 0.8e-3 kg m2
+on 12 N m/rad), with a clearly visible size.
 """
 
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ MASSES, DAMPERS, LINK = (1.5e-3, 0.8e-3), (4e-3, 2e-3), (12.0, 0.01)
 
 @dataclass(frozen=True)
 class Shown:
-    """An effect as its picture has it: where, of which size, and over what its law is drawn."""
+    """An effect as drawn: its place, its size, and the states over which its law is drawn."""
 
     at: str
     values: Mapping[str, float]
@@ -112,11 +112,12 @@ SHOWN: dict[str, Shown] = {
 def effect_figure(effect: Effect) -> Figure:
     """Return a picture of what an effect does, of the motion with it and without, and the change.
 
-    Raises ValueError for an effect of the user's own, for which no size is known to draw.
+    Raises ValueError for a user's own effect, for which no size to draw is known.
     """
     if effect.name not in SHOWN:
         raise ValueError(
-            f"there is no picture of {effect.name}, an effect of your own; leave --out out"
+            f"there is no picture of {effect.name}, an effect of your own; run the command"
+            " without --out"
         )
     shown = SHOWN[effect.name]
     with_it, without = _runs(effect, shown)
@@ -129,7 +130,7 @@ def effect_figure(effect: Effect) -> Figure:
         reads = effect.hook == "sensor" or effect.follows is not None
         left.plot(x, y, color=AFTER, linewidth=1.2)
         left.xaxis.set_major_locator(MaxNLocator(5))
-        if np.ptp(y) < 0.2 * float(np.abs(y).max()):  # a constant is seen as one
+        if np.ptp(y) < 0.2 * float(np.abs(y).max()):  # so that a constant looks constant
             left.set_ylim(0.0, 1.3 * float(y.max()))
         left.set(xlabel=labels[0], ylabel=labels[1])
         key = "encoder" if reads else "position_m1"
@@ -214,7 +215,7 @@ def _law(effect: Effect, shown: Shown, run: Run) -> tuple[Floats, Floats, tuple[
         names = ("deflection of the link [rad]", "torque of the link [N m]")
         return _middle(deflection), _moving(trace, 1), names
     if shown.over == "goal":
-        part = slice(50, None)  # once the jerk of the beginning is over
+        part = slice(50, None)  # after the transient at the beginning
         goal = _asked(shown) / 1.0 - trace["position_m1"]
         names = ("goal - position [rad]", "torque of the servo [N m]")
         return _middle(goal)[part], _moving(trace, 0)[part], names

@@ -1,4 +1,4 @@
-"""What happened once, over time: the force that acted with its 95 % band, and the motion there."""
+"""An event over time: its force with the 95 % band, and the motion there."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE, pushing
 from zwidth.sim.readable import scaled
 
 FORCE, MOTION, WHEN = BEFORE, AFTER, INTERVAL
-STEPS = 400  # of a course, more of which a picture does not show
+STEPS = 400  # most steps of a course: the resolution of a picture
 
 
 def events_figure(event: Event) -> Figure:

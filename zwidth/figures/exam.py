@@ -1,4 +1,4 @@
-"""What single effects were taken for, how often rightly against their size, and what was sure."""
+"""Pictures of an exam: confusions of effects, success over their size, reliability."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -21,7 +21,7 @@ from zwidth.sim.readable import scaled
 Floats = NDArray[np.float64]
 SOUND, ODD, CHANGED, BAND = AFTER, BEFORE, COLOURS[2], INTERVAL
 NEAR = 8.0  # deviations beyond which an odd value is drawn at the edge
-HIGH = 2.1  # inches of a parameter
+HIGH = 2.1  # inches per parameter
 
 
 def fleet_figure(fleet: Fleet) -> Figure:

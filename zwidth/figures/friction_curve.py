@@ -17,13 +17,13 @@ from zwidth.sim.readable import scaled, with_unit
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 CURVE = AFTER
-SHOWN = 4000  # samples, at most
-SEEN = 0.03  # of the frame: a narrower band is hidden by the line, and is told in numbers
-WIDE = 90  # letters that a line holds of a legend, whose columns are as wide as the longest
+SHOWN = 4000  # most samples that are drawn
+SEEN = 0.03  # of the frame: a narrower band is hidden by the line, and is given in numbers
+WIDE = 90  # letters in a line of the legend, whose columns have the width of the longest
 
 
 def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
-    """Return what acts over the velocity at a place, as a resistance: positive against v > 0."""
+    """Return the force over velocity at a place, as a resistance: positive against v > 0."""
     whole = curve.whole
     x, speed = scaled(float(np.abs(whole.states).max()), "rad/s" if rotary else "m/s")
     y, force = scaled(float(np.abs(whole.forces).max()), pushing(rotary)[1])
@@ -45,7 +45,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         axes = figure.subplots()
         axes.axhline(0.0, color="0.6", linewidth=0.8)
-        if asked.size:  # of a free motion none is known
+        if asked.size:  # unknown for a free motion
             axes.plot(x * v, y * asked, ".", rasterized=True,
                       label=f"{what} needed at each sample{where}{beyond}", **look)  # fmt: skip
         for side in ways:

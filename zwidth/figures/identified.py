@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 DOTS = FILE  # darker than a measured line: points are smaller
 TWO_SIGMA = 1.96
-POINTS = 800  # of the model's line
+POINTS = 800  # points of the model's line
 
 
 def fit_figure(fit: Fit) -> Figure:
@@ -43,7 +43,7 @@ def identified_figure(
         figure = Figure(figsize=(7.2, 7.2), layout="constrained")
         top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1])
         size = np.abs(measured)
-        half = TWO_SIGMA * deviation / np.sqrt(2.0)  # along the response, half the variance
+        half = TWO_SIGMA * deviation / np.sqrt(2.0)  # along the response: half of the variance
         low = np.maximum(size - half, 1e-3 * size)
         top.fill_between(frequency, _db(low), _db(size + half), color=INTERVAL,
                          linewidth=0.0, label="95 % by noise")  # fmt: skip

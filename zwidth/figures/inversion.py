@@ -23,7 +23,7 @@ class PlantPoints:
 
 
 def inversion_figure(series: Sequence[PlantPoints]) -> Figure:
-    """Return the figure, a colour and shape a series."""
+    """Return the figure, with a colour and shape per series."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.0), layout="constrained")
         size, phase = figure.subplots(2, 1, sharex=True)

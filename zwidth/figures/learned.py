@@ -1,4 +1,4 @@
-"""A law of no name: its curve with its band, the formula that it looks like, where it was seen."""
+"""A learned law: its curve with its band, the nearest formula, and the states that were seen."""
 
 from textwrap import wrap
 
@@ -18,11 +18,11 @@ from zwidth.sim.readable import as_counted, scaled
 
 Floats = NDArray[np.float64]
 CURVE, TOGETHER, FORMULA = AFTER, LAW, BEFORE
-FINE = 400  # states that a curve is drawn at
+FINE = 400  # states at which a curve is drawn
 BINS = 60
-SHOWN = 4000  # samples, at most
+SHOWN = 4000  # most samples that are drawn
 WIDE = 90  # letters of a line of the legend
-LINES = 2  # of a legend, that a formula may take
+LINES = 2  # most lines of a legend for a formula
 
 
 def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
@@ -90,7 +90,7 @@ def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
     edges = np.array([edges, -edges]) if curve.odd else edges
     frame, beyond = framed(forces, float(edges.min(initial=0.0)), float(edges.max(initial=0.0)))
     axes.set_ylim(y * frame[0], y * frame[1])
-    if not states.size:  # of a free motion none is known
+    if not states.size:  # unknown for a free motion
         return
     look, where = samples_on(forces - law_at(curve.physics, states), frame)
     axes.plot(x * states, y * forces, ".", rasterized=True,

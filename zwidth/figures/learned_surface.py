@@ -1,4 +1,4 @@
-"""A law of no name over two states: the surface where it was seen, and cuts along either state."""
+"""A learned law over two states: the surface where it was seen, and cuts along both states."""
 
 from typing import cast
 
@@ -16,14 +16,14 @@ from zwidth.sim.physics.free_force import STATE_UNITS, STATES
 from zwidth.sim.readable import plain, scaled
 
 Floats = NDArray[np.float64]
-FINE = 120  # states along either axis
-SHOWN = 1500  # samples, at most
+FINE = 120  # states along each axis
+SHOWN = 1500  # most samples that are drawn
 CUTS = (0.1, 0.5, 0.9)  # quantiles of the other state at which cuts are made
 STYLES = ("-", "--", "-.")
 
 
 def law_figure(law: LearnedLaw | LearnedSurface, rotary: bool) -> Figure:
-    """Return what was learned, over one state or over two."""
+    """Return the picture of a learned law over one state or two."""
     if isinstance(law, LearnedSurface):
         return learned_surface_figure(law, rotary)
     return learned_figure(law, rotary)

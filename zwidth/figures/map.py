@@ -104,7 +104,7 @@ def _draw_linear(axes: Axes, result: FateMap) -> None:
 
 
 def names_in(planes: Sequence[Plane]) -> dict[Fate, str]:
-    """What the fates are called: what grows is held by a limit in the planes that have one."""
+    """The names of the fates: growth is stopped by a limit in planes that have one."""
     bounded = [_held(plane) for plane in planes]
     if all(bounded):
         return NAMES
@@ -119,7 +119,7 @@ def _held(plane: Plane) -> bool:
 
 
 def round_ticks(low: float, high: float) -> list[float]:
-    """Return round values between two, three at least, for a logarithmic bar."""
+    """Return at least three round values between two, for a logarithmic bar."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for digits in ((1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)):
         found = [d * 10.0**n for n in decades for d in digits if low <= d * 10.0**n <= high]

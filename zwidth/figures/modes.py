@@ -1,4 +1,4 @@
-"""Root loci by mode, the boundary by critical mode, and what a delayed damper does to a mode."""
+"""Root loci by mode, the boundary by critical mode, and how a delayed damper acts on a mode."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -77,7 +77,7 @@ def critical_figure(pieces: Sequence[Piece]) -> Figure:
 
 
 def loci_figure(loci: Sequence[Locus]) -> Figure:
-    """Return frequency over decay rate as B rises, one panel a delay."""
+    """Return frequency over decay rate as B rises, one panel per delay."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.9), layout="constrained")
         panels = figure.subplots(1, len(loci), sharey=True, squeeze=False)[0]

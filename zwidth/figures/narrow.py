@@ -1,4 +1,4 @@
-"""A picture for a phone: the same figure, 4.2 in wide, its panels under one another."""
+"""A picture for a phone: the same figure, 4.2 in wide, with its panels below each other."""
 
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -11,19 +11,19 @@ from zwidth.figures.style import headed, picture_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 4.2  # in: about the width of a phone, so that letters keep their size
-LETTERS = 58  # that a line of a title holds
+WIDTH = 4.2  # in: about the width of a phone, so that text keeps its size
+LETTERS = 58  # most letters in a line of a title
 LETTERS_LEGEND = 52
-LETTERS_UP = 20  # that the height of a panel holds
-SMALL = 8.0  # points, of a legend
-LINE = 0.17  # in, of a legend
+LETTERS_UP = 20  # most letters along the height of a panel
+SMALL = 8.0  # points: text of a legend
+LINE = 0.17  # in: height of a line of a legend
 
 
 def narrow_bytes(figure: "Figure") -> bytes:
     """Return a figure as an SVG for a phone; changes the figure."""
     wide, high = figure.get_size_inches()
     scale = WIDTH / wide
-    if figure.subfigs:  # their panels have a layout of their own
+    if figure.subfigs:  # their panels have their own layout
         figure.set_size_inches(WIDTH, high)
         return picture_bytes(figure)
     rows, columns = _shape(figure)
@@ -31,7 +31,7 @@ def narrow_bytes(figure: "Figure") -> bytes:
     _wrap_titles(figure)
     if columns > 1:
         _under_one_another(figure, rows, columns)
-    # A panel that spans the width may be as flat as before; several in a row have become one each.
+    # A panel over the full width keeps its shape; several in a row are now below each other.
     tall = high * (0.5 + 0.5 * scale if columns == 1 else 0.75 * columns)
     figure.set_layout_engine("constrained")
     figure.set_size_inches(WIDTH, max(tall, 2.6) + LINE * entries)

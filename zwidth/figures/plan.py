@@ -1,4 +1,4 @@
-"""What a recording would show: the smallest magnitude of each effect, and which look alike."""
+"""What a recording would show: the smallest size of each effect, and effects that look alike."""
 
 import numpy as np
 from matplotlib import rc_context
@@ -16,9 +16,9 @@ from zwidth.sim.readable import plain, scaled, with_unit
 
 Floats = NDArray[np.float64]
 DOT = AFTER
-# Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
+# Distance in sigma, from alike (dark) to apart (white), which is also clear in grey print.
 EDGES = (0.0, 1.0, 2.5, SHOWN)
-FAR = 100.0  # times the smallest, from which on the largest is written with a unit of its own
+FAR = 100.0  # ratio to the smallest, above which the largest is written with its own unit
 WIDTH = 8.0  # inches: the width of a page, so that its labels are as large as the text there
 ROW = 0.23  # inches
 TEXT = 9  # points
@@ -96,7 +96,7 @@ def _alike(plan: Plan) -> tuple[Floats, list[str]]:
 
 
 def _pairs(axes: Axes, distances: Floats, names: list[str]) -> None:
-    once = np.tril(np.ones(distances.shape, dtype=np.bool_))  # a pair stands there once
+    once = np.tril(np.ones(distances.shape, dtype=np.bool_))  # each pair once
     seen = np.where(once & (distances < SHOWN), distances, np.nan)
     norm = BoundaryNorm(EDGES, len(EDGES) - 1)
     colours = ListedColormap(SHADES[: len(EDGES) - 1])

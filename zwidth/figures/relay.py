@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 class Sweep:
     """One quantity changed: its values, K by relay, true K, each (n,), NaN for none.
 
-    rests (n,): the K up to which walls come to rest, too, NaN where that is not asked.
+    rests (n,): the K up to which walls also come to rest, NaN if this was not requested.
     """
 
     label: str
@@ -56,7 +56,7 @@ def relay_figure(wave: Waveform, title: str = "", rotary: bool = True) -> Figure
 
 
 def relay_title(device: Device, c: RelayCondition, cycle: Cycle, test: RelayTest) -> str:
-    """Return what the picture of a run is of: the condition, and the cycle that it shows."""
+    """Return the title of a run's picture: the condition, and the cycle that it shows."""
     force, length = ("N m", "rad") if device.rotary else ("N", "m")
     whose = f"the cycle of {100.0 * cycle.share:.0f} % of the starts"
     whose = whose if cycle.share else "from the reference start"
@@ -70,10 +70,10 @@ def relay_title(device: Device, c: RelayCondition, cycle: Cycle, test: RelayTest
 def relay_boundary_figure(
     devices: Sequence[Device], conditions: Sequence[RelayCondition]
 ) -> Figure:
-    """Return K by relay over B beside the linear boundary, a colour a delay.
+    """Return K by relay over B beside the linear boundary, with a colour per delay.
 
-    Discs: the cycles, of an area that goes with the share of the starts that end on them; a ring
-    around the one of the reference start. Crosses on the axis: conditions that diverge.
+    Discs: the cycles, with an area proportional to the share of the starts that end on them; a ring
+    around that of the reference start. Crosses on the axis: conditions that diverge.
     """
     force, length = ("N m", "rad") if devices[0].rotary else ("N", "m")
     delays = list(dict.fromkeys(c.delay for c in conditions))
@@ -140,7 +140,7 @@ def relay_bias_figure(
     reference: Sequence[float | None],
     cycles: Sequence[Sequence[float]],
 ) -> Figure:
-    """Return K by relay over the true boundary, a row a condition."""
+    """Return K by relay over the true boundary, a row per condition."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 0.8 + 0.24 * len(labels)), layout="constrained")
         axes = figure.subplots()
@@ -165,7 +165,7 @@ def relay_bias_figure(
 
 
 def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
-    """Return one panel a sweep: K by relay and by bisection over what is changed."""
+    """Return one panel per sweep: K by relay and by bisection over the changed quantity."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.3), layout="constrained")
         panels = figure.subplots(1, len(sweeps), sharey=True, squeeze=False)[0]

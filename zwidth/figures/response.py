@@ -1,4 +1,4 @@
-"""How a device answers its command: what the encoder reads over what is commanded."""
+"""The frequency response of a device: encoder reading over command."""
 
 import numpy as np
 from matplotlib import rc_context
@@ -17,7 +17,7 @@ LINE = AFTER
 def response_figure(device: Device) -> Figure:
     """Return magnitude and phase of the linear device with its delay, up to half its sampling rate.
 
-    What the computer sees of it: exact for a command that is held over each tick.
+    As the computer sees it: exact for a command that is held over each tick.
     """
     period = device.interface.period
     frequency = np.geomspace(min(FROM_HZ, 0.01 / period), 0.499 / period, POINTS)

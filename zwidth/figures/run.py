@@ -16,17 +16,17 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 
-COLUMNS = 2000  # of the picture; a longer line is drawn as the extremes in each of them
-LOST = 1e3  # growth of |position| over its start from which the scale turns logarithmic
-EARLY = 50  # samples that say where a run started
-HIGHEST = 1e100  # values drawn
+COLUMNS = 2000  # of the picture; a longer line is drawn by its extremes in each
+LOST = 1e3  # growth of |position| over its start, above which the scale is logarithmic
+EARLY = 50  # samples that determine where a run started
+HIGHEST = 1e100  # largest value that is drawn
 GREY = "0.55"
-MARKS = 7  # on each of some lines that may lie on each other
+MARKS = 7  # marks on each of several lines that may coincide
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
 
 
 def run_figure(trace: Trace, title: str = "") -> Figure:
-    """Return the figure of a simulated run; energy only where it was recorded.
+    """Return the figure of a simulated run; energy only if it was recorded.
 
     Shaded: contact with a one-sided wall. A run that grew a thousandfold is drawn on scales that
     are logarithmic beyond its start.
@@ -68,7 +68,7 @@ def _positions(axes: Axes, trace: Trace) -> None:
 def _forces(axes: Axes, trace: Trace) -> None:
     pushes = [name for name in trace.channels if name.startswith("disturbance_")]
     names = ["applied", "command", *pushes]
-    order = {"command": 0, "applied": 1}  # what is applied lies below, and is wider
+    order = {"command": 0, "applied": 1}  # the applied force is below, and wider
     for name, colour in zip(names, (GREY, *COLOURS), strict=False):
         look = told_apart(order.get(name, 0), len(order), colour, _shown(trace))
         _line(axes, trace, name, name.replace("_m", " on m"), look, "steps-post")
@@ -115,10 +115,10 @@ def _plain(colour: str) -> dict[str, Any]:
 
 
 def told_apart(i: int, count: int, colour: str, size: int) -> dict[str, Any]:
-    """Return the look of the i-th of some lines that may lie on each other, the last at the bottom.
+    """Return the style of the i-th of several lines that may coincide, the last at the bottom.
 
-    A lower line is wider, so that it is seen on both sides; marks of its own shape are at places of
-    its own. size: samples of the line.
+    A lower line is wider, so that it is visible on both sides; each line has its own marks at its
+    own places. size: samples of the line.
     """
     if count == 1:
         return _plain(colour)

@@ -1,4 +1,4 @@
-"""Samples beside a curve: a frame that holds most of them, and where the others are."""
+"""Samples beside a curve: a frame that contains most of them, and where the others are."""
 
 from typing import Any
 
@@ -9,16 +9,16 @@ from zwidth.figures.style import FILE, MEASURED
 from zwidth.sim.readable import percent
 
 Floats = NDArray[np.float64]
-OUTER = (0.01, 0.99)  # quantiles of samples that a frame holds
-MARGIN = 0.06  # of a frame, free beyond what it holds
-ON_IT = 0.015  # of a frame: samples so near to a curve are hidden by it
-MOSTLY = 0.9  # of the samples, hidden: the legend says where they are
+OUTER = (0.01, 0.99)  # quantiles of the samples that a frame contains
+MARGIN = 0.06  # of a frame, left free at its sides
+ON_IT = 0.015  # of a frame: samples nearer to a curve are hidden by it
+MOSTLY = 0.9  # share of hidden samples above which the legend mentions them
 
 
 def framed(samples: Floats, low: float, high: float) -> tuple[tuple[float, float], str]:
-    """Return the limits of an axis that holds low to high and most samples, and what to add.
+    """Return the limits of an axis that contains low to high and most samples, and a label.
 
-    That is how many of the samples lie beyond the frame, as a part of a label; "" if none does.
+    The label says how many samples are outside the frame; "" if none are.
     """
     if samples.size:
         ends = np.quantile(samples, OUTER)
@@ -30,9 +30,9 @@ def framed(samples: Floats, low: float, high: float) -> tuple[tuple[float, float
 
 
 def samples_on(far: Floats, frame: tuple[float, float]) -> tuple[dict[str, Any], str]:
-    """Return the look of samples so far from their curve, and what their label adds.
+    """Return the style of samples at distances from their curve, and an addition to their label.
 
-    Where the curve hides most of them they are larger, and the label says that they lie on it.
+    If the curve hides most of them, they are larger, and the label says that they are on it.
     """
     near = np.abs(far) < ON_IT * (frame[1] - frame[0])
     hidden = bool(near.size) and float(np.mean(near)) > MOSTLY

@@ -12,14 +12,13 @@ if TYPE_CHECKING:
 KINDS = ("png", "svg")
 MEASURED, BEFORE, AFTER = "#b8b8b8", "#bb5566", "#004488"
 FILE, LAW, INTERVAL, HELD_OUT = "0.55", "#117733", "0.85", "#fff3d6"
-"""Colours with one meaning in every picture: what was measured; a model before and after, as its
-file has it, and with a learned law; an interval of 95 % over a whole axis; the ground under data
-that were kept out of the fit."""
+"""Colours with one meaning in every picture: measurement; a model before and after, as in its file,
+and with a learned law; an interval of 95 % over a whole axis; the background of held-out data."""
 ON_DARK = {BEFORE: "#ff8f9e", AFTER: "#7fb6ff", FILE: "#9a9da2", LAW: "#5fce87",
            MEASURED: "#777b81", HELD_OUT: "#2d2716"}  # fmt: skip
-"""The same for a dark ground."""
+"""The same for a dark background."""
 # For lines without such a meaning, in this order. They differ in lightness, for grey print and all
-# kinds of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes differ,
+# kinds of colour blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes differ
 # too.
 COLOURS = (AFTER, BEFORE, "#ddaa33", "#000000", "#6699cc", "#997700")
 DARK = (COLOURS[0], COLOURS[1], COLOURS[5])
@@ -33,13 +32,13 @@ DASHES = (
     (0, (4, 1, 1, 1, 1, 1)),
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
-# For the fates of runs, from light to dark; the last for undecided ones. `PREDICTED`: a line of
-# theory drawn over them.
+# For the fates of runs, from light to dark; the last for undecided ones. `PREDICTED`: for lines of
+# theory over them.
 FATES = ("#f2f2f2", "#b3d3ec", "#4a90c4", "#7f2704", "#ffd92f")
 PREDICTED = "#d01c8b"
 # From alike to apart.
 SHADES = ("#7f0000", BEFORE, "#ddaa99", "#e6e6e6", "#ffffff")
-UNDER = 3.6  # points: width of a measured line, to be seen under a line that lies on it
+UNDER = 3.6  # points: width of a measured line, visible under another line
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.titlesize": 10,
@@ -56,18 +55,18 @@ STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.6,
     "svg.fonttype": "none",  # text stays text
-    "svg.hashsalt": "zwidth",  # names in the file do not change from run to run
+    "svg.hashsalt": "zwidth",  # the same names in the file in every run
 }
 DOTS_PER_INCH = 150
 
 
 def headed(figure: "Figure", text: str, **look: Any) -> None:
-    """Write the title of a whole figure, at its left as those of its panels are."""
+    """Write the title of a whole figure at its left, like the titles of its panels."""
     figure.suptitle(text, x=0.01, ha="left", **look)
 
 
 def pushing(rotary: bool) -> tuple[str, str]:
-    """Return how a force is called on an axis, and its unit."""
+    """Return the name of a force on an axis, and its unit."""
     return ("torque", "N m") if rotary else ("force", "N")
 
 
@@ -88,8 +87,8 @@ def save_figure(figure: "Figure", stem: Path) -> list[Path]:
 def draw(figure: "Figure", stream: IO[bytes], kind: str) -> None:
     """Draw a figure once, as one of `KINDS`, into a stream.
 
-    `Figure.savefig` draws a figure that has a layout twice, the first time to find the layout; the
-    canvas itself finds it while it draws. A file says nothing of when it was made, so that the same
+    `Figure.savefig` draws a figure with a layout twice, the first time to compute the layout; the
+    canvas itself computes it while drawing. A file does not contain its date, so that the same
     numbers give the same bytes.
     """
     from matplotlib import rc_context

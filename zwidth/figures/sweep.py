@@ -1,4 +1,4 @@
-"""The Z-width over a setting of the interface, and the boundaries that it is the area of."""
+"""The Z-width over a setting of the interface, and the boundaries whose area it is."""
 
 import math
 
@@ -17,14 +17,14 @@ NAMES = {
     "encoder_step": "encoder step", "velocity_ticks": "samples from one velocity to the next",
     "position_ticks": "samples from one position of the law to the next",
 }  # fmt: skip
-SHOWN = 4  # boundaries
-NO_FILTER = 1.6  # times the highest cut-off, where no filter at all is drawn
+SHOWN = 4  # most boundaries
+NO_FILTER = 1.6  # place of "no filter", over the highest cut-off
 
 
 def sweep_figure(result: Sweep) -> Figure:
     """Draw the Z-width over the setting, and boundaries at some of its values, the best among them.
 
-    Lines are linear theory, dots simulations. No filter stands at the right end, apart.
+    Lines are linear theory, dots simulations. "No filter" is at the right end, separated.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(10.0, 4.4), layout="constrained")

@@ -1,1 +1,1 @@
-"""The paper reproduced: one section of the report a file."""
+"""The reproduction of the paper: one file per section of the report."""

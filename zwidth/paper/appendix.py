@@ -1,13 +1,13 @@
-"""The paper's own program (Appendix I) as it was meant: what its curves in Fig. 6 show.
+"""The paper's own program (Appendix I), corrected: it gives the curves in Fig. 6.
 
     G0 = 856 / (s^2 + 5 s), G1 = 2296 (s^2 + 80 s + 174400) / (1744 (s^2 + 83 s + 229600)),
     G2 = 13440 (s^2 + 90 s + 298800) / (2988 (s^2 + 352 s + 1344000))
 
 Rounded coefficients, B in steps of 0.001, K_CR the gain margin of eq. (4). Its `margin` line lacks
-parentheses: read literally, the damper stands outside the loop and K(0.03) is 2.43. A gain margin
-is the least K > 0 at which any eigenvalue meets the unit circle, whether or not the loop below it
-is stable, so it prints numbers beyond the last stable B too. Computed from the closed form on the
-unit circle (`stability/decomposition.py`), which shares nothing with the eigenvalues of ours.
+parentheses: read literally, the damper is outside the loop and K(0.03) is 2.43. A gain margin is
+the least K > 0 at which any eigenvalue meets the unit circle, whether or not the loop below it is
+stable, so it also prints numbers beyond the last stable B. It is computed from the closed form on
+the unit circle (`stability/decomposition.py`), independently of zwidth's eigenvalues.
 """
 
 import math
@@ -37,7 +37,7 @@ ROUNDED = ModalModel(
 
 @dataclass(frozen=True)
 class Printed:
-    """What their program plots: damping, gain margin and its frequency [Hz], each (n,)."""
+    """The curves of the paper's program: damping, gain margin and its frequency [Hz], each (n,)."""
 
     damping: Floats
     stiffness: Floats
@@ -46,7 +46,7 @@ class Printed:
 
 @cache
 def appendix(delay: float, last: float) -> Printed:
-    """Run their program at a delay [s], B from 0 in their steps while B <= last."""
+    """Run the paper's program at a delay [s], for B from 0 in its steps while B <= last."""
     device = load_device("phantom_1_0").with_interface(delay=delay).with_modal(ROUNDED)
     dampings = STEP * np.arange(math.floor(last / STEP + 1e-9) + 1, dtype=np.float64)
     grid = np.linspace(0.05, 499.9, 6000)

@@ -1,4 +1,4 @@
-"""What users ask next of a boundary: passive walls, a hand that holds on, uncertain parameters."""
+"""Additions to a boundary: passive walls, a hand that holds the device, uncertain parameters."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from zwidth.stability.linear import boundary, last_stable_damping
 from zwidth.stability.passivity import passive_boundary
 from zwidth.stability.uncertainty import stiffness_band
 
-LEVER = 0.14  # [m], length of either link of the device; where the tip stands depends on the pose
+LEVER = 0.14  # [m], length of each link of the device; the place of the tip depends on the pose
 GRID = 25
 DRAWS = 40
 COMMAND = (

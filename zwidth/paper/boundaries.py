@@ -9,7 +9,7 @@ from zwidth.paper.theory import COLOUR, DELAYS, lines, ms, phantom
 from zwidth.sim.ladder import frequency_response
 from zwidth.stability.linear import corner, last_stable_damping
 
-OURS = 3.2  # width of a line that another is drawn upon
+OURS = 3.2  # width of a line under another line
 FIG_6 = "zwidth boundary phantom_1_0 --delay-ms 2 4 8"
 
 

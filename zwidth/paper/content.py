@@ -1,4 +1,4 @@
-"""What a section of the report is made of: words, pictures, tables."""
+"""The parts of a section of the report: words, pictures, tables."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its caption; name: of its files; command: what computes its numbers again."""
+    """A figure with its caption; name: of its files; command: computes its numbers again."""
 
     name: str
     figure: Figure
@@ -18,7 +18,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with its caption; rows of text, one cell a column; numeric columns align right."""
+    """A table with its caption; rows of text, one cell per column; numeric columns align right."""
 
     caption: str
     columns: Sequence[str]
@@ -39,5 +39,5 @@ class Section:
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number with so many significant digits, "none" for None."""
+    """Return a number with some significant digits, "none" for None."""
     return "none" if value is None else f"{value:.{digits}g}"

@@ -1,4 +1,4 @@
-"""B_t and K_max over continuous delay: where the next resonance of the damper takes over."""
+"""B_t and K_max over continuous delay: where the damper makes the next resonance critical."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Which physics explains Table II: candidates fitted to its rows, the best by rows left out."""
+"""Which physics explains Table II: candidates fitted to its rows, judged on left-out rows."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ WINNER = "inertia and damping, limited amplifier"
 GAIN = "gain error, limited amplifier"
 FREEST = "Table I refitted, limited amplifier"
 UNLIMITED = "Table I refitted"
-SLOW = ("second mode, Coulomb friction", "Table I refitted, Coulomb friction")  # in STUDY alone
+SLOW = ("second mode, Coulomb friction", "Table I refitted, Coulomb friction")  # only in STUDY
 STARTS = 6
 COMMAND = "zwidth paper --section explained"
 STUDY = "python -m benchmarks.table_2_study"

@@ -15,7 +15,7 @@ from zwidth.stability.limited_relay import limited_boundary
 from zwidth.stability.linear import corner, critical_stiffness, last_stable_damping
 
 REVISED = "phantom_1_0_table2"
-BEYOND = 1.04  # of the last damping that was measured
+BEYOND = 1.04  # of the last measured damping
 POINTS = 160
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 OWN = "zwidth paper --section fig_10"

@@ -1,4 +1,4 @@
-"""Fig. 3 and Table I: the paper's white-noise experiment on the simulated device, recovered."""
+"""Fig. 3 and Table I recovered by the paper's white-noise experiment on the simulated device."""
 
 import numpy as np
 

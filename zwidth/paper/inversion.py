@@ -1,6 +1,6 @@
 """Each row of Table II read as a measurement of the plant: where Table I's model differs, and how.
 
-What is read is in `scenarios/inversion.py`.
+The computation is in `scenarios/inversion.py`.
 """
 
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class Measured(NamedTuple):
 
 
 def plant_at(row: MeasuredPoint) -> Measured:
-    """Invert a row at the damping it belongs to."""
+    """Invert a row at its (corrected) damping."""
     device = phantom(0.0)
     assert device.modal is not None
     point = inverted(row, device.modal, device.interface.period)
@@ -35,7 +35,7 @@ def plant_at(row: MeasuredPoint) -> Measured:
 
 
 def section() -> Section:
-    """Return ratio and phase over frequency, the table, and what they say."""
+    """Return ratio and phase over frequency, the table, and their interpretation."""
     found = {delay: [(row, plant_at(row)) for row in measured_at(delay)] for delay in DELAYS}
     points = [
         PlantPoints(

@@ -63,7 +63,7 @@ def section() -> Section:
 
 
 def damped_hz(model: ModalModel) -> list[float]:
-    """Return the frequency at which each mode of the device rings by itself."""
+    """Return the frequency of the free oscillation of each mode."""
     return [
         float(np.sqrt(mode.omega**2 - 0.25 * mode.c**2) / (2.0 * np.pi)) for mode in model.modes
     ]

@@ -1,4 +1,4 @@
-"""Fig. 8 and the relay experiment in all conditions of Table II, with what its method adds."""
+"""Fig. 8, the relay experiment in all conditions of Table II, and the errors of its method."""
 
 from zwidth.figures.relay import relay_bias_figure, relay_figure
 from zwidth.identification.cycles import RelayCondition, relay_conditions

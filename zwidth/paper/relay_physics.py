@@ -1,10 +1,10 @@
 """The relay beside bisection under the same physics: friction, encoder step, limited amplifier.
 
 The true boundary of a nonlinear device depends on how large its oscillation is, so bisection starts
-as large as the relay's own cycle (m1 displaced by its amplitude, all at rest). As everywhere, a
-wall is stable unless its oscillation grows; under an encoder step a second bracket says up to which
-K it comes to rest within a step, too. The steps are small beside the relay's cycle: from a start of
-a few steps growth could not be told from dither.
+with the amplitude of the relay's own cycle (m1 displaced by it, all at rest). As everywhere, a wall
+is stable unless its oscillation grows; with an encoder step a second bracket says up to which K it
+also comes to rest within a step. The steps are small relative to the relay's cycle: from a start of
+a few steps growth could not be distinguished from dither.
 """
 
 from collections.abc import Callable
@@ -34,9 +34,9 @@ OWN = "zwidth paper --section relay"
 
 @dataclass(frozen=True)
 class Changed:
-    """A device with one thing changed to a value: what the relay reads, and the true bracket.
+    """A device with one changed quantity: the relay's reading, and the true bracket.
 
-    still: of the walls that come to rest within an encoder step; None without one.
+    still: bracket of the walls that come to rest within an encoder step; None without one.
     """
 
     kind: str
@@ -57,7 +57,7 @@ class Changed:
 
 
 def physics_parts() -> tuple[Picture, str, Table]:
-    """Return the figure, what it says, and its numbers."""
+    """Return the figure, its interpretation, and its numbers."""
     device = phantom(DELAY)
     kinds: tuple[tuple[str, str, tuple[float, ...], Callable[[float], Device]], ...] = (
         ("Coulomb friction at m1", "N m", FRICTION, lambda v: _rubbing(device, v)),

@@ -1,4 +1,4 @@
-"""The report as one HTML file: every picture inside it, nothing fetched from elsewhere."""
+"""The report as one HTML file, with all pictures inside it."""
 
 import re
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ class Drawn:
 
     @property
     def data(self) -> str:
-        """The picture as an address that holds it."""
+        """The picture as a data URL."""
         return embedded(self.files["svg"])
 
 
@@ -76,7 +76,7 @@ def save_report(sections: Sequence[DrawnSection], missing: Sequence[str], path: 
 
 
 def symbols(text: str) -> Markup:
-    """Return text as HTML, its symbols with their indices set below the line."""
+    """Return text as HTML, with the indices of symbols as subscripts."""
 
     def set_in_type(match: re.Match[str]) -> str:
         letter, index = match.groups()

@@ -1,4 +1,4 @@
-"""What B_t and K_max owe to each of the ten parameters."""
+"""The sensitivities of B_t and K_max to each of the ten parameters."""
 
 from zwidth.figures.sensitivity import sensitivity_figure
 from zwidth.paper.content import Picture, Section
@@ -7,7 +7,7 @@ from zwidth.stability.sensitivity import corner_sensitivities
 
 
 def section() -> Section:
-    """Return the sensitivities at the three delays, and what they say."""
+    """Return the sensitivities at the three delays, and their interpretation."""
     found = {delay: corner_sensitivities(phantom(delay)) for delay in DELAYS}
     words: list[str] = []
     for delay, rows in found.items():

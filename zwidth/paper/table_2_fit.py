@@ -1,17 +1,17 @@
 """How a theory of Table II is fitted to its rows.
 
-A row (delay, B, K, f) measures the sampled plant P at z = e^{2 pi j f T}: -1/P = N (K + B w),
-w = (1 - 1/z)/T, N the share that a limited amplifier passes (else 1). The error is
+A row (delay, B, K, f) measures the sampled plant P at z = e^{2 pi j f T}: -1/P = N (K + B w), w =
+(1 - 1/z)/T, where N is the share that a limited amplifier passes (else 1). The error is
 
     e(ln K, ln f) = ln(-N (K + B w) P),
 
-two numbers. After the jump the boundary falls so steeply that a close fit of P still reads a wrong
+two numbers. After the jump the boundary falls so steeply that even a close fit of P gives a wrong
 K: there the errors of the reading itself, d = -e / (de/d(ln K, ln f)) by the slope at the measured
-point, are counted too, by arcsinh, so that they grow like a logarithm where the slope fails.
+point, are added, as arcsinh, so that they grow like a logarithm where the slope is useless.
 
-A row says more: nothing else was unstable there, so every other eigenvalue of the loop at N (K, B)
-must lie inside the circle; each growth rate above zero counts as an error of 1/s. Without this a
-model may fit all points and still have its boundary on another branch.
+A row also shows that nothing else was unstable, so every other eigenvalue of the loop at N (K, B)
+must be inside the circle; each growth rate above zero counts as an error, in units of 1/s. Without
+this a model may fit all points and still have its boundary on another branch.
 
 Coulomb friction of level fc, seen by a relay of force D: amplitude A = 4 D / (pi K), describing
 function 4 fc / (pi A w), hence a damper (fc/D) K / w at m1. D is not known: rho = fc/D is fitted.
@@ -35,10 +35,10 @@ from zwidth.stability.limited_relay import command_share, passed_share
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-PART_1, PART_2 = 0.03, 0.08  # of ln P, before and after the jump
-STEP = 1e-4  # of ln K and ln f, for the slope
-READING, READING_HZ = 0.1, 0.02  # of the reading's K and f after the jump, relative
-MOST_STEPS, NEARBY_STEPS = 200, 8  # of a fit from nothing, and from the fit to all rows
+PART_1, PART_2 = 0.03, 0.08  # errors of ln P, before and after the jump
+STEP = 1e-4  # differences of ln K and ln f, for the slope
+READING, READING_HZ = 0.1, 0.02  # relative errors of the reading's K and f after the jump
+MOST_STEPS, NEARBY_STEPS = 200, 8  # of a first fit, and of one that starts from the fit to all rows
 
 
 class Sampled(NamedTuple):
@@ -82,7 +82,7 @@ def fit(free: Sequence[str], rows: Sequence[MeasuredPoint], start: Floats | None
 
 
 def misfit(free: Sequence[str], x: Floats, rows: Sequence[MeasuredPoint]) -> Floats:
-    """Return the errors of the rows over their spread, and the growth rates that must not be."""
+    """Return the errors of the rows over their spread, and the forbidden growth rates."""
     tried = theory(free, x)
     groups: dict[tuple[float, float], list[MeasuredPoint]] = {}
     for row in rows:
@@ -162,7 +162,7 @@ def _reading_errors(plant: Sampled, measured: "Walls", left: Complexes) -> tuple
 
 
 class Walls(NamedTuple):
-    """Rows as arrays (n,): frequency [Hz], K, B; and the theory they are read by."""
+    """Rows as arrays (n,): frequency [Hz], K, B; and the theory by which they are read."""
 
     frequency: Floats
     stiffness: Floats
@@ -171,7 +171,7 @@ class Walls(NamedTuple):
 
     @property
     def z(self) -> Complexes:
-        """The rows' places on the circle."""
+        """The rows' z on the unit circle."""
         return np.exp(2j * np.pi * self.frequency * self.tried.period)
 
     @property

@@ -1,7 +1,7 @@
-"""What may differ between Table I's model and the device of Table II: quantities and candidates.
+"""Possible differences between Table I's model and Table II's device: quantities, candidates.
 
-Limits: priors of 10 % on inertia and frequencies, 30 % on c and d, 50 % on b hold the parameters;
-24 rows cannot tell all candidates apart.
+Limits: priors of 10 % on inertia and frequencies, 30 % on c and d, 50 % on b restrict the
+parameters; 24 rows cannot distinguish all candidates.
 """
 
 from collections.abc import Sequence
@@ -32,8 +32,8 @@ SPREAD: dict[str, float] = {
     "limit": 1.0,
 }
 NOT_NEGATIVE = ("viscous", "delay", "rho")
-RATIO = 30.0  # amplifier's limit over the relay's force, from which its fit starts
-ROUNDS = 30  # of the friction's damper, which depends on the K that it changes
+RATIO = 30.0  # initial amplifier's limit over the relay's force
+ROUNDS = 30  # most iterations of the friction's damper, which depends on the K that it changes
 CANDIDATES: dict[str, tuple[str, ...]] = {
     "Table I (the paper's)": (),
     "Coulomb friction": ("rho",),

@@ -1,4 +1,4 @@
-"""What several sections ask of the linear theory: the device, its delays, boundaries as arrays."""
+"""Linear theory for several sections: the device, its delays, boundaries as arrays."""
 
 import numpy as np
 from numpy.typing import NDArray

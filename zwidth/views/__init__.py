@@ -1,8 +1,8 @@
 """Views of results as arrays, tables and pictures, one module per class.
 
-The module of a class has its name in small letters (`FateMap`: `fate_map`), and in it `table`,
-`dataset` and PICTURES, name -> function, the first of which is drawn where none is named. This
-package finds them for `zwidth.shown`.
+The module of a class has its name in lower case (`FateMap`: `fate_map`). It contains `table`,
+`dataset` and PICTURES, name -> function, the first of which is the default. This package finds them
+for `zwidth.shown`.
 """
 
 import re
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 LIBRARIES = ("pandas", "polars")
-WORD = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where a word of a class's name begins
+WORD = re.compile(r"(?<=[a-z])(?=[A-Z])")  # beginning of a word in a class name
 
 
 def text(result: Any) -> str:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def table(boundary: Boundary) -> Table:
-    """Return the stiffest stable wall in a sentence, and a row a damping."""
+    """Return the stiffest stable wall in a sentence, and a row per damping."""
     unit = units(boundary.device.rotary)
     in_k = f"[{unit.stiffness}]"
     headings = (f"B [{unit.damping}]", f"K linear {in_k}", "f [Hz]", f"K stable {in_k}",

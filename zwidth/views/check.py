@@ -29,9 +29,9 @@ def table(found: Check) -> Table:
 
 
 def dataset(found: Check) -> "Dataset":
-    """Return over outputs of recordings: error, the most within the band, motion, whether within.
+    """Return over outputs of recordings: error, its limit in the band, motion, whether within.
 
-    Each in the unit of its output, which `output_unit` says.
+    Each is in the unit of its output, given by `output_unit`.
     """
     every = [(one.name, o) for one in found.recordings for o in one.outputs]
     columns: dict[str, Column] = {

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-MOST = 8  # parameters of an effect that are listed
+MOST = 8  # most listed parameters of an effect
 
 
 def table(device: Device) -> Table:
-    """Return a row per mass, and what of interface and physics is more than sampling."""
+    """Return a row per mass, and the parts of interface and physics that are not plain sampling."""
     unit = units(device.rotary)
     damping = f"[{unit.damping}]"
     headings = ("", f"mass [{unit.mass}]", f"damper to ground {damping}",
@@ -61,7 +61,7 @@ def _interface(device: Device, unit: Units) -> str:
 
 
 def said_of_estimator(face: Interface, rotary: bool) -> list[str]:
-    """Say what makes the velocity and what it is set to, where that is not the difference."""
+    """Say which estimator computes the velocity, with its settings, if it is not the difference."""
     if face.velocity_estimator == Interface().velocity_estimator:
         return []
     length = units(rotary).length

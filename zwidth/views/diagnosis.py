@@ -16,14 +16,14 @@ Row = tuple[str, str, str, Estimate, float | None, float | None]  # ..., of the 
 
 
 def table(found: Diagnosis) -> Table:
-    """Return the verdict in a sentence, then a row for each number that was fitted."""
+    """Return the verdict in a sentence, then a row for each fitted number."""
     headings = ("effect", "at", "parameter", "value", "95 % from", "to", "unit", "sigma")
     grid = [
         [effect, at, name, *map(number, (e.value, e.lower, e.upper)), e.unit or "-", number(sigma)]
         for effect, at, name, e, _, sigma in _rows(found)
     ]
     said = [f"{found.headline}."]
-    if found.verdict is not Verdict.IDENTIFIED:  # of which the headline has said it
+    if found.verdict is not Verdict.IDENTIFIED:  # the headline already says it
         said.append(f"{sentence(in_words(found.sentence))}.")
     said.append(f"{sentence(improvement(found))}.")
     said += [f"{sentence(fault.sentence)}." for fault in found.faults]
@@ -43,7 +43,7 @@ def _rows(found: Diagnosis) -> Iterator[Row]:
 
 
 def dataset(found: Diagnosis) -> "Dataset":
-    """Return the numbers that were fitted, over the parameters; `unit` says what each counts in."""
+    """Return the fitted numbers over the parameters; `unit` is the unit of each."""
     every = list(_rows(found))
     values = [e for _, _, _, e, _, _ in every]
     text = {
@@ -82,7 +82,7 @@ def _inverse(found: Diagnosis) -> "Figure":
 
     if not found.force_errors:
         raise ValueError(
-            "there is no force error: it needs a command that is a force and the motion of every"
+            "there is no force error, which needs a force command and the measured motion of every"
             " mass; draw 'motion' instead"
         )
     return force_error_figure(found.force_errors[0], bool(found.findings))

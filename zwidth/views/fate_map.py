@@ -33,7 +33,7 @@ def table(result: FateMap) -> Table:
 
 
 def dataset(result: FateMap) -> "Dataset":
-    """Return the map over its axes, as `save_map` writes it."""
+    """Return the map over its axes, as written by `save_map`."""
     return map_dataset(result)
 
 

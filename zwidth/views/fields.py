@@ -1,4 +1,4 @@
-"""A value that results are made of, as a table: a row for each of its fields."""
+"""A part of a result as a table: a row for each of its fields."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -16,7 +16,7 @@ from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.place import Place
 from zwidth.views.table import NONE, Table, number
 
-MOST = 6  # of a sequence, that are shown
+MOST = 6  # most elements shown of a sequence
 
 
 def fields_table(value: Any) -> Table:

@@ -1,4 +1,4 @@
-"""A fleet: what its recordings have in common, what each says, which are unlike the others."""
+"""A fleet: what its recordings have in common, their results, and the odd ones."""
 
 import math
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-ODD = 3  # recordings that are named in the sentences
+ODD = 3  # most recordings named in the sentences
 
 
 def table(found: Fleet) -> Table:
@@ -43,10 +43,10 @@ def table(found: Fleet) -> Table:
 
 
 def dataset(found: Fleet) -> "Dataset":
-    """Return over the recordings: each parameter, its error, and what all say of it together.
+    """Return over the recordings: each parameter, its error, and its pooled value.
 
-    NaN where a recording has no fit, or no part in what is said of the fleet; an error is infinite
-    where a recording says nothing of a parameter.
+    NaN if a recording has no fit, or is not used for the fleet; an error is infinite if a recording
+    does not determine a parameter.
     """
     members, nan = found.members, math.nan
     columns: dict[str, tuple[list[float] | list[str], str | None]] = {}
@@ -63,7 +63,7 @@ def dataset(found: Fleet) -> "Dataset":
     columns["noise"] = [nan if m.quick.problem else m.quick.noise for m in members], _output(found)
     columns["free_run"] = [nan if m.quick.problem else m.quick.free for m in members], "1"
     known = dict.fromkeys(column for m in members for column in m.listed.known)
-    for column in known:  # its unit, where it has one, stands in its name
+    for column in known:  # its unit, if any, is part of its name
         columns[column] = [m.listed.known.get(column, nan) for m in members], ""
     columns["device"] = [m.listed.device for m in members], None
     dates = ["" if m.listed.date is None else m.listed.date.isoformat() for m in members]

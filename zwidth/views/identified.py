@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 def table(found: Identified) -> Table:
-    """Return a row a parameter."""
+    """Return a row per parameter."""
     fit, unit = found.fit, units(found.device.rotary)
     grid = [
         [name, _unit(name, unit), *map(number, values)] for name, values in fit.intervals().items()
     ]
     said = [
-        f"Noise {number(fit.noise_rms)} {unit.length} rms; error of the fit over noise, squared:"
-        f" {number(fit.misfit)} (1 where the model explains all but noise)."
+        f"Noise {number(fit.noise_rms)} {unit.length} rms; mean square of (error of the fit /"
+        f" noise): {number(fit.misfit)} (1 if only noise is left)."
     ]
     said += [f"Warning: {fit.note}."] if fit.note else []
     title = f"Identified: {found.device.name}, {len(fit.model.modes)} mode(s)"
@@ -33,9 +33,9 @@ def _unit(name: str, unit: Units) -> str:
 
 
 def dataset(found: Identified) -> "Dataset":
-    """Return the parameters with their intervals, and over frequency what was measured and fitted.
+    """Return the parameters with their intervals, and the measured and fitted response.
 
-    `unit` says what each parameter counts in.
+    `unit` is the unit of each parameter.
     """
     fit, unit = found.fit, units(found.device.rotary)
     intervals = fit.intervals()

@@ -1,4 +1,4 @@
-"""A log, or another recording with all that belongs to it."""
+"""A log, or another recording with everything that belongs to it."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ TOLD = ("device", "controller", "verdict", "outcome")
 
 
 def table(log: Log) -> Table:
-    """Return what is known of the run, what is not intact, and a row a channel."""
+    """Return facts about the run, damage of the log, and a row per channel."""
     known = [f"{key} {log.metadata[key]}" for key in TOLD if key in log.metadata]
     said = [", ".join(known)] if known else []
     said += [f"Warning: {warning}." for warning in log.warnings]

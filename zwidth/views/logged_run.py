@@ -1,4 +1,4 @@
-"""A run that stands in a log."""
+"""A run and its log."""
 
 from collections import Counter
 from dataclasses import replace
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def table(logged: LoggedRun) -> Table:
-    """Return the run, where its log is, and what happened in it."""
+    """Return the run, the path of its log, and its events."""
     found = run.table(logged.run)
     counts = Counter(event.kind.replace("_", " ") for event in logged.events)
     events = ", ".join(f"{kind} {count}" for kind, count in counts.items())
@@ -23,7 +23,7 @@ def table(logged: LoggedRun) -> Table:
 
 
 def dataset(logged: LoggedRun) -> "Dataset":
-    """Return the run with what its log says of it."""
+    """Return the run with the notes of its log."""
     found = run.dataset(logged.run)
     found.attrs |= dict(logged.metadata)
     return found

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def table(found: Plan) -> Table:
-    """Return a row for each effect: its smallest visible size, and what it looks like."""
+    """Return a row for each effect: its smallest visible size, and effects that look like it."""
     headings = ("effect", "smallest visible size", "looks like")
     grid = [[v.label, _smallest(v), _alike(found, v.label) or "-"] for v in found.visible]
     pairs = len(found.confusable)
@@ -37,7 +37,7 @@ def _alike(found: Plan, label: str) -> str:
 
 
 def dataset(found: Plan) -> "Dataset":
-    """Return the limits over the effects, and the distances of all pairs that were compared."""
+    """Return the limits over the effects, and the distances of all compared pairs."""
     from xarray import DataArray
 
     seen = found.visible

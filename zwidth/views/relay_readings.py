@@ -1,4 +1,4 @@
-"""What a relay reads of a device, beside the linear boundary."""
+"""The relay readings of a device, beside the linear boundary."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ SHOWN_S = 0.4
 
 
 def table(found: RelayReadings) -> Table:
-    """Return a row a damping."""
+    """Return a row per damping."""
     unit = units(found.device.rotary)
     in_k = f"[{unit.stiffness}]"
     headings = (f"B [{unit.damping}]", "verdict", "share of starts", f"K relay {in_k}", "f [Hz]",
@@ -44,9 +44,9 @@ def _linear(found: RelayReadings) -> list[float | None]:
 
 
 def dataset(found: RelayReadings) -> "Dataset":
-    """Return the relay's readings over B: the most frequent cycle, NaN where there is none.
+    """Return the relay's readings over B: the most frequent cycle, NaN if there is none.
 
-    share: of the starts, those that end on it; reference: what the published start alone reads.
+    share: of the starts that end on it; reference: the reading from the published start alone.
     """
     unit, each = units(found.device.rotary), found.conditions
     columns = {

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def table(result: ReplayResult) -> Table:
-    """Return what was compared, and where it differs."""
+    """Return the extent of the comparison, and the first difference."""
     said = [f"Note: {note}." for note in result.notes]
     first = result.first_difference
     if first is None:
@@ -25,7 +25,7 @@ def table(result: ReplayResult) -> Table:
 
 
 def dataset(result: ReplayResult) -> "Dataset":
-    """Return what was logged, with the answer as attributes."""
+    """Return the logged trace, with the answer as attributes."""
     from xarray import Dataset
 
     found = Dataset() if result.trace is None else signals.dataset(result.trace)

@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-FEWEST = 10  # samples of a quarter of a run, of which a peak is read
-CHANGED = 1.2  # from the peak of its first quarter to that of its last: it grows, or decays
+FEWEST = 10  # least samples in a quarter of a run, to read its peak
+CHANGED = 1.2  # ratio of the peaks of first and last quarter, above which it grows or decays
 
 
 def table(run: Run) -> Table:
-    """Return how it ended, and a row a channel."""
+    """Return how the run ended, and a row per channel."""
     title = f"Run of {run.trace.facts.get('device', 'a device')}: {signals.extent(run.trace.t)}"
     return Table(title, [f"Outcome: {run.outcome.value}."], *signals.grid(run.trace))
 
 
 def dataset(run: Run) -> "Dataset":
-    """Return every channel over time, and the ledger of energies, an entry each."""
+    """Return every channel over time, and each entry of the energy ledger."""
     found = signals.dataset(run.trace)
     found.attrs["outcome"] = run.outcome.name.lower()
     if not run.ledger:

@@ -1,4 +1,4 @@
-"""An experiment before it is run: what acts on which device, for how long."""
+"""An experiment before it is run: device, external forces, duration."""
 
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def table(scenario: Scenario) -> Table:
-    """Return a row for each force that acts from outside."""
+    """Return a row for each external force."""
     unit, law = units(scenario.device.rotary), scenario.controller
     facts = ", ".join(f"{k} {v:g}" for k, v in law.facts.items() if isinstance(v, float))
     said = [
@@ -59,7 +59,7 @@ def _fitted(command: Floats, ticks: int) -> Floats:
 
 
 def dataset(scenario: Scenario) -> "Dataset":
-    """Return the forces that act from outside, and a recorded command, over time."""
+    """Return the external forces, and a recorded command, over time."""
     return signals.dataset(_forces(scenario))
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def table(result: Sweep) -> Table:
-    """Return the best value in a sentence, and a row a value."""
+    """Return the best value in a sentence, and a row per value."""
     unit = units(result.device.rotary)
     headings = (
         f"{result.setting} [{result.unit}]", "Z-width over the best", "by theory",

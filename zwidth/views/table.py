@@ -9,12 +9,12 @@ from typing import Literal
 
 from zwidth.console import APART, fitted
 
-WIDTH, LINES = 100, 12  # of the text
-SENTENCES = 4  # lines that sentences may take of it
-ROWS = 60  # of the HTML
+WIDTH, LINES = 100, 12  # width and lines of the text
+SENTENCES = 4  # most lines for sentences
+ROWS = 60  # most rows of the HTML
 CELL = "padding: 0.15em 0.8em; text-align: {}"
 NONE = "-"
-MORE = " \u2026"  # stands for what does not fit
+MORE = " \u2026"  # replaces text that does not fit
 Side = Literal["left", "right"]
 
 
@@ -29,12 +29,12 @@ class Table:
 
 
 def number(value: float | None) -> str:
-    """Return four significant digits, a dash for what is not known."""
+    """Return four significant digits, a dash for unknown values."""
     return NONE if value is None or math.isnan(value) else f"{value:.4g}"
 
 
 def as_text(table: Table) -> str:
-    """Return at most 12 lines of at most 100 columns; what is left out is counted."""
+    """Return at most 12 lines of at most 100 columns; omitted rows are counted."""
     lines = [shorten(table.title, WIDTH, placeholder=" ...")]
     said = [line for one in table.said for line in wrap(one, WIDTH)]
     lines += said[:SENTENCES]
@@ -51,7 +51,7 @@ def as_text(table: Table) -> str:
 
 
 def as_html(table: Table) -> str:
-    """Return the table as HTML that stands for itself, 60 rows at most."""
+    """Return the table as self-contained HTML, with at most 60 rows."""
     parts = [f"<p><b>{escape(table.title)}</b></p>"]
     parts += [f"<p>{escape(one)}</p>" for one in table.said]
     if table.rows:

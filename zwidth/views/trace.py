@@ -12,19 +12,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-NOT_DRAWN = ("contact", "at_rest", "encoder", "velocity_estimate")  # of a run without a wall
+NOT_DRAWN = ("contact", "at_rest", "encoder", "velocity_estimate")  # in a run without a wall
 HEADINGS = ("channel", "unit", "lowest", "highest", "rms", "at the end")
 
 
 def table(trace: Trace) -> Table:
-    """Return a row a channel."""
+    """Return a row per channel."""
     device = trace.facts.get("device", trace.facts.get("recording", ""))
     what = f"Trace, {trace.origin}" + (f", {device}" if device else "")
     return Table(f"{what}: {extent(trace.t)}", _warnings(trace), *grid(trace))
 
 
 def grid(trace: Trace) -> tuple[tuple[str, ...], list[list[str]]]:
-    """Return headings and rows, a row a channel."""
+    """Return headings and rows, a row per channel."""
     return HEADINGS, [
         [name, trace.units[name] or "-", *(number(v) for v in _figures(values))]
         for name, values in trace.channels.items()
@@ -32,7 +32,7 @@ def grid(trace: Trace) -> tuple[tuple[str, ...], list[list[str]]]:
 
 
 def extent(t: Floats) -> str:
-    """Return how many samples there are, over how long, how far apart."""
+    """Return number, duration and interval of the samples."""
     if t.size < 2:
         return f"{t.size} sample(s)"
     period = 1e3 * float(np.median(np.diff(t)))

@@ -1,4 +1,4 @@
-"""Units of a device's quantities, and arrays that carry theirs."""
+"""Units of a device's quantities, and arrays with units."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Units(NamedTuple):
-    """What a device counts in: force, length, mass, and what follows from them."""
+    """The units of a device: force, length, mass, and derived ones."""
 
     force: str
     length: str
@@ -28,11 +28,11 @@ class Units(NamedTuple):
 
 
 def units(rotary: bool) -> Units:
-    """Return the units of a device that turns, or of one that moves along a line."""
+    """Return the units of a rotary or a linear device."""
     return Units("N m", "rad", "kg m2") if rotary else Units("N", "m", "kg")
 
 
-Column = tuple[Sequence[Any] | np.ndarray[Any, Any], str | None]  # None: text, which has no unit
+Column = tuple[Sequence[Any] | np.ndarray[Any, Any], str | None]  # None for text, which has no unit
 
 
 def numbers(values: Sequence[float | None]) -> list[float]:
@@ -48,7 +48,7 @@ def rows(
 ) -> "Dataset":
     """Return columns over one axis, each (values, unit), as a dataset.
 
-    places: of the axis itself. facts: what belongs to all of it; only text and numbers are kept.
+    places: values of the axis. facts: attributes of the dataset; only text and numbers are kept.
     """
     from xarray import Dataset
 

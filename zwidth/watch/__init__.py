@@ -1,1 +1,1 @@
-"""Following a log while it is written: what is wrong with it, what it says, how stiff a wall."""
+"""Follows a log while it is written: its faults, its diagnosis, the stiffest wall."""

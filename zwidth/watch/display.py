@@ -1,4 +1,4 @@
-"""What is told of a growing log to a person: a line for each, and a live table on a terminal."""
+"""Updates on a growing log for people: a line for each, and a live table on a terminal."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ WORDS = {
 
 @contextmanager
 def shown(console: Console, name: str) -> Generator[Callable[[Update], None]]:
-    """Yield what takes updates: a live table on a terminal, elsewhere a line for each."""
+    """Yield a function that shows updates: a live table on a terminal, else a line for each."""
     if not console.stream.isatty():
         yield lambda update: print(update.line, file=console.stream, flush=True)
         return
@@ -33,7 +33,7 @@ def shown(console: Console, name: str) -> Generator[Callable[[Update], None]]:
     with Live(table(name, latest), console=terminal, refresh_per_second=4) as live:
 
         def take(update: Update) -> None:
-            if update.kind != QUICK:  # what comes every few seconds has its place in the table
+            if update.kind != QUICK:  # frequent updates appear only in the table
                 live.console.print(update.line, soft_wrap=True)
             latest[update.kind] = update
             live.update(table(name, latest))
@@ -42,7 +42,7 @@ def shown(console: Console, name: str) -> Generator[Callable[[Update], None]]:
 
 
 def table(name: str, latest: dict[str, Update]) -> "Table":
-    """Return the last update of each kind, and how far the log is."""
+    """Return the last update of each kind, and the length of the log."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 

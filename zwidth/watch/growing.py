@@ -1,8 +1,8 @@
-"""A log that grows, in a file or out of a pipe, as far as it is whole: `Growing`.
+"""The complete part of a growing log, from a file or a pipe: `Growing`.
 
-Readers read complete files. So the data so far are copied to a file of the same name in a folder of
-its own: of a text table up to its last complete line, of an MCAP file as it is, since its reader
-leaves out an incomplete record.
+Readers read complete files. So the data so far are copied to a file of the same name in a separate
+folder: a text table up to its last complete line, an MCAP file entirely, since its reader ignores
+an incomplete record.
 """
 
 import os
@@ -19,19 +19,19 @@ from zwidth.logs.errors import LogIsDirectory, LogNotFound, LogNotReadable
 from zwidth.logs.open_source import STARTS
 from zwidth.logs.source import RecordingError
 
-BLOCK = 1 << 20  # bytes of a copy
-ENDS = ((b"\xff\xfe", b"\n\0"), (b"\xfe\xff", b"\0\n"))  # mark of a text, and how its lines end
-WIDEST = 8  # bytes that tell which format it is
+BLOCK = 1 << 20  # bytes copied at once
+ENDS = ((b"\xff\xfe", b"\n\0"), (b"\xfe\xff", b"\0\n"))  # byte order mark, end of a line
+WIDEST = 8  # bytes that identify the format
 
 Take = Callable[[], tuple[bytes, bool]]
-"""Returns what has come since it was last asked, and whether nothing more will come."""
+"""Returns the data since the last call, and whether nothing more will come."""
 
 
 class Growing:
-    """A copy, `spool`, of what has come of a log.
+    """A copy, `spool`, of the received part of a log.
 
-    take: gives what is new; name: of the file, by which its reader calls it. bytes: copied so far;
-    ended: nothing more will come.
+    take: returns new data; name: of the file, as its reader shows it. bytes: copied so far; ended:
+    nothing more will come.
     """
 
     def __init__(self, take: Take, name: str, folder: Path) -> None:
@@ -46,7 +46,7 @@ class Growing:
         return self._begun.startswith(MCAP0_MAGIC)
 
     def poll(self) -> int:
-        """Copy what is new and whole, and return how many bytes; raises RecordingError, OSError."""
+        """Copy new complete data, and return their bytes; raises RecordingError, OSError."""
         new, self.ended = self._take()
         if len(self._begun) < WIDEST:
             self._begun = (self._begun + new)[:WIDEST]
@@ -61,19 +61,19 @@ class Growing:
         return len(whole)
 
     def rest(self) -> bytes:
-        """Return what is held back of a line that is not complete."""
+        """Return the held-back part of an incomplete line."""
         return self._held
 
     def _whole(self, data: bytes) -> tuple[bytes, bytes]:
         """Return the whole lines of new data, or records, and the rest."""
         if MCAP0_MAGIC.startswith(self._begun) and not self.is_mcap:
-            return b"", data  # too little to tell
+            return b"", data  # too little to decide
         if self.is_mcap:
             return data, b""
         end = next((e for mark, e in ENDS if self._begun.startswith(mark)), b"\n")
         at = data.rfind(end)
         while at >= 0 and len(end) == 2 and (self.bytes + at) % 2:
-            at = data.rfind(end, 0, at + 1)  # two halves of neighbours are no line's end
+            at = data.rfind(end, 0, at + 1)  # halves of two characters are not an end of line
         cut = at + len(end) if at >= 0 else 0
         return data[:cut], data[cut:]
 
@@ -87,10 +87,10 @@ class Growing:
 
 
 def of_file(path: Path, why: str = INPUT) -> Take:
-    """Return what takes from a file as it grows; why: what it is, as `protection.reading` has it.
+    """Return a `Take` of a growing file; why: what the file is, as for `protection.reading`.
 
-    It ends where the file is renamed or taken away. Raises LogNotFound and others of `logs.errors`
-    where there is none, and RecordingError, when it takes, where the file was begun anew.
+    It ends when the file is renamed or removed. Raises LogNotFound and other `logs.errors` if there
+    is no file, and RecordingError, when called, if the file was started again.
     """
     if path.is_dir():
         raise LogIsDirectory(f"{path} is a folder; give the log that grows in it")
@@ -107,7 +107,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
         nonlocal taken
         try:
             file = path.open("rb")
-        except FileNotFoundError:  # as NAME.partial.mcap is, which becomes NAME.mcap at its end
+        except FileNotFoundError:  # like NAME.partial.mcap, which becomes NAME.mcap at its end
             return b"", True
         with file:
             known = os.fstat(file.fileno())
@@ -124,7 +124,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
 
 
 def of_stream(stream: BinaryIO) -> Take:
-    """Return what takes from a pipe without waiting for it: a thread waits."""
+    """Return a `Take` of a pipe that does not wait: a thread waits."""
     blocks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     def wait() -> None:

@@ -1,8 +1,8 @@
-"""A quick fit of what a search found to the last samples, which says whether it still stands.
+"""A quick fit of the last search's structure to the last samples, which tests it.
 
-The structure stays as it was found, its numbers are fitted again (`settled`, from their last
-values), and so is the same without its effects. It stands if it costs less than without them by
-more than chance allows, 2 ln (1 / ALPHA), and if free runs err no more than its own noise predicts
+The structure is kept, its numbers are fitted again (`settled`, from their last values), and so is
+the structure without its effects. It still holds if it costs less than without them by more than
+chance allows, 2 ln (1 / ALPHA), and if free runs err no more than its own noise predicts
 (`answer.adequacy`), here on the samples that it was fitted to. No new effects are sought; that is
 left to the next search.
 """
@@ -38,7 +38,7 @@ from zwidth.watch.wall import Wall, renders, wall
 
 Floats = NDArray[np.float64]
 SURELY = 2.0 * math.log(1.0 / ALPHA)
-MUCH = 2.0  # times their noise, that free runs err where a sentence says why that refuses nothing
+MUCH = 2.0  # error of free runs over noise, above which a sentence explains why this is accepted
 
 
 @dataclass(frozen=True)
@@ -46,10 +46,10 @@ class Quick:
     """The result of a quick fit to the samples from `begins` to `ends` [s].
 
     structure: effect@place of each effect; values: value, 95 % half width and unit by parameter.
-    stands: whether the structure explains them; gained: -2 ln over doing without its effects, 0
-    where it has none; ahead: error of free runs over what noise makes of it, at the horizon where
-    it is largest, None if nothing can be said (a structure is also refused for what follows the
-    motion in these errors, so that may be near 1). took: how long the fit worked [s].
+    stands: whether the structure explains them; gained: -2 ln over the structure without its
+    effects, 0 if it has none; ahead: error of free runs over that predicted by noise, at the
+    horizon where it is largest, None if unknown (a structure is also rejected if these errors
+    follow the motion, so it may be near 1). took: duration of the fit [s].
     """
 
     samples: int
@@ -66,7 +66,7 @@ class Quick:
 
     @property
     def sentence(self) -> str:
-        """A sentence on whether the structure found still explains the log."""
+        """A sentence on whether the found structure still explains the log."""
         names = " and ".join(s.replace("_", " ").replace("@", " at ") for s in self.structure)
         if self.structure and self.gained <= SURELY:
             return f"{names} no longer explains more than chance"
@@ -111,11 +111,11 @@ class Quick:
 
 @dataclass(frozen=True)
 class Order:
-    """A quick fit to make: the copy of the log, the device, the last search, and the last fit.
+    """The input of a quick fit: the copy of the log, the device, the last search, and the last fit.
 
-    x: parameters of the last fit, from which this one starts. samples: how many of the newest are
-    fitted. damping: B of the wall. walls: whether a wall is computed; None: if the device may
-    render one.
+    x: parameters of the last fit, from which this one starts. samples: number of newest samples to
+    fit. damping: B of the wall. walls: whether a wall is computed; None: if the device may render
+    one.
     """
 
     spool: Path
@@ -130,15 +130,15 @@ class Order:
 
 
 def quick(order: Order) -> Quick:
-    """Fit the last samples; raises ExperimentError if they are no use."""
+    """Fit the last samples; raises ExperimentError if they cannot be used."""
     began = time.monotonic()
     trace = read(order.spool, order.description).trace
     assert trace is not None
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of numpy, on 1e300
         last = latest(trace, order.device, order.name, order.samples)
         first = readings(order.device, last, None)[0]
         taken = list(first.whole)
-        # What a search found is of its own device, whose zeros it may have left open.
+        # The result of a search belongs to its own device, whose zeros may be free.
         device = first.device if order.found is None else order.found.model.nominal
         if order.found is not None:
             taken = [corrected(e, order.found.misread) for e in taken]

@@ -1,4 +1,4 @@
-"""A search on all data so far, in its own process: it gives the structure for quick fits."""
+"""A search on all data so far, in its own process; it finds the structure for quick fits."""
 
 import warnings
 from collections.abc import Callable
@@ -26,10 +26,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search found in the first `samples`, `seconds` long.
+    """The result of a search on the first `samples`, which last `seconds`.
 
-    device: that it was asked about, fitted where none was given; model, x: of the answer; misread:
-    what it corrected in the recording. said: how a device was fitted.
+    device: the given one, or the fitted one; model, x: of the answer; misread: corrections of the
+    recording. said: how a device was fitted.
     """
 
     samples: int
@@ -47,7 +47,7 @@ class Searched:
 def first_device(spool: Path, description: Description | None, name: str) -> tuple[Device, Any]:
     """Return a device that is fitted to the data so far, and messages about it.
 
-    Raises ValueError if it does not say what a device is.
+    Raises ValueError if the data do not determine a device.
     """
     trace = read(spool, description).trace
     assert trace is not None
@@ -57,7 +57,7 @@ def first_device(spool: Path, description: Description | None, name: str) -> tup
 def searched(
     spool: Path, description: Description | None, name: str, device: Device | None, effort: str
 ) -> Searched:
-    """Diagnose what has come; raises ValueError as the pipeline does.
+    """Diagnose the data so far; raises ValueError as the pipeline does.
 
     A device that is not given is fitted, as `zwidth diagnose` does.
     """
@@ -65,7 +65,7 @@ def searched(
     trace = found.trace
     assert trace is not None
     said: list[str] = []
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of numpy, on 1e300
         asked = device
         if asked is None:
             asked, said = fitted([(name, trace)])

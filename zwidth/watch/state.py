@@ -14,16 +14,16 @@ from zwidth.logs.source import RecordingError
 from zwidth.sim.device import Device
 from zwidth.sim.trace import Trace
 
-MUCH = 1 << 16  # bytes of which a log that cannot be read never will be
-EXAMINED = 6000  # samples, the last ones, that the gate looks at
-OPEN_END = "the log was not closed"  # of a log that is being written that is no fault
+MUCH = 1 << 16  # bytes, above which an unreadable log will stay unreadable
+EXAMINED = 6000  # last samples that are checked
+OPEN_END = "the log was not closed"  # not a fault while a log is being written
 
 
 @dataclass(frozen=True)
 class Read:
     """The content of a log so far. said: how it was read; warnings: faults of its file.
 
-    wanting: why nothing can be read yet, "" if something can; trace: None there.
+    wanting: why nothing can be read yet (trace is then None), "" if something can.
     """
 
     trace: Trace | None = None
@@ -45,7 +45,7 @@ class Read:
 
 
 def read(spool: Path, description: Description | None) -> Read:
-    """Return what the copy of a log holds; description: of a recording TOML, where one is given.
+    """Return the content of a log's copy; description: that of a recording TOML, if given.
 
     Raises LogError for an error that more samples cannot correct.
     """
@@ -60,7 +60,7 @@ def read(spool: Path, description: Description | None) -> Read:
     except LogEmpty:
         return Read(wanting="no sample has come yet")
     except LogError as error:
-        said = str(error).replace(str(spool), spool.name)  # it is the log that is spoken of
+        said = str(error).replace(str(spool), spool.name)  # name the log, not its copy
         if spool.stat().st_size > MUCH:
             raise RecordingError(said) from None
         return Read(wanting=said)
@@ -88,7 +88,7 @@ def at_once(found: Read) -> Gate:
 
 
 def gate(found: Read, device: Device | None, name: str) -> Gate:
-    """Look at the last samples as the intake of a diagnosis does."""
+    """Check the last samples like the intake of a diagnosis."""
     first = at_once(found)
     if first.problem or found.trace is None or device is None:
         return first
@@ -104,7 +104,7 @@ def gate(found: Read, device: Device | None, name: str) -> Gate:
 
 
 def latest(trace: Trace, device: Device, name: str, samples: int) -> list[Experiment]:
-    """Return the last samples that follow each other without a gap; raises ExperimentError."""
+    """Return the last samples without a gap; raises ExperimentError."""
     last = stretches(trace, device, name)[-1]
     if last.ticks <= samples:
         return [last]

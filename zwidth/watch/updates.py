@@ -11,9 +11,9 @@ GATE, QUICK, SEARCHED, NOTE, FINAL = "gate", "quick", "searched", "note", "final
 
 @dataclass(frozen=True)
 class Update:
-    """One thing that is told. kind: one of the words above; seconds, samples: how far the log is.
+    """One update. kind: one of the words above; seconds, samples: length of the log.
 
-    sentence: for people; values: what the JSON has beside it.
+    sentence: for people; values: further values of the JSON.
     """
 
     kind: str
@@ -39,7 +39,7 @@ class Update:
 
 
 def of_quick(found: Quick, last: Searched | None, seconds: float, samples: int) -> Update:
-    """Tell of a quick fit; last: the search whose structure it is, None before the first."""
+    """Return the update on a quick fit; last: the search of its structure, None if none."""
     parts = [found.sentence]
     if found.numbers:
         parts.append(found.numbers)
@@ -57,7 +57,7 @@ def of_quick(found: Quick, last: Searched | None, seconds: float, samples: int) 
 
 
 def of_search(found: Searched, effort: str, seconds: float, samples: int) -> Update:
-    """Tell of a search."""
+    """Return the update on a search."""
     said = f"{found.verdict}: {found.headline} (all of the first {found.seconds:.4g} s, {effort})"
     values = {
         "verdict": found.verdict,

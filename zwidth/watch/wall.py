@@ -1,4 +1,4 @@
-"""How stiff a wall the device renders as it is found so far: one damping, so in a second."""
+"""The stiffest wall of the device found so far, at one damping, which takes a second."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from zwidth.stability.judging import Trial
 
 @dataclass(frozen=True)
 class Wall:
-    """K_CR at a damping, None if no K that was tried is stable; start: that runs began with."""
+    """K_CR at a damping, None if no tried K is stable; start: displacement of the runs."""
 
     damping: float
     stiffness: float | None
@@ -36,7 +36,7 @@ class Wall:
 
     @property
     def sentence(self) -> str:
-        """Say it."""
+        """Say the stiffest wall."""
         force, length = ("N m", "rad") if self.rotary else ("N", "m")
         damping = f"B = {plain(self.damping)} {force} s/{length}"
         if self.stiffness is None:
@@ -46,7 +46,7 @@ class Wall:
         return f"a wall of {damping} is stable up to K = {self.stiffness:.3g} {force}/{length}"
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON form; stiffness is null where no wall, or every wall, is stable."""
+        """Return the JSON form; stiffness is null if no wall, or every wall, is stable."""
         known = self.stiffness is not None and np.isfinite(self.stiffness)
         return {
             "damping": self.damping,
@@ -57,12 +57,12 @@ class Wall:
 
 
 def renders(device: Device, experiments: Sequence[Experiment], asked: bool | None) -> bool:
-    """Whether to say what wall a device renders; asked: None for where it may render one."""
+    """Whether to compute the wall of a device; asked: None: if it may render one."""
     return may_render(device, experiments) if asked is None else asked
 
 
 def wall(device: Device, damping: float) -> Wall:
-    """Return the stiffest stable wall of a damping, by the runs of `augmented_boundary`."""
+    """Return the stiffest stable wall at a damping, by runs as in `augmented_boundary`."""
     start = ROTARY_START if device.rotary else LINEAR_START
     window = max(0.25, 16.0 * device.interface.period)
     seconds = max(SECONDS, 8.0 * window)

@@ -1,11 +1,11 @@
-"""The loop that follows a log: checks at once, quick fits, and a search when the data have doubled.
+"""The loop that follows a log: immediate checks, quick fits, and searches when data have doubled.
 
-Three processes run side by side. This one reads the log four times a second and reports what it
-reads at once; at most once a second it checks the last samples for faults, signs and units
-included. A second process runs one quick fit (`quick`) after the other. A third one searches
-(`searched`) all data so far: when their amount has doubled since the last search, when a quick fit
-contradicts what was found, or when no more data come. All searches together take about as long as
-two searches of the whole log, however long it is.
+Three processes run side by side. This one reads the log four times a second and reports at once; at
+most once a second it checks the last samples for faults, including signs and units. A second
+process runs one quick fit (`quick`) after the other. A third one searches (`searched`) all data so
+far: when their amount has doubled since the last search, when a quick fit contradicts the last
+result, or when no more data come. All searches together take about as long as two searches of the
+whole log, however long it is.
 """
 
 import time
@@ -24,14 +24,14 @@ from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
 from zwidth.watch.worker import Works
 
 LOOK, READ_EVERY, GATE_EVERY = 0.05, 0.25, 1.0  # s between looks at the file, readings, gates
-FIT_EVERY = 2.0  # s from quick fit to quick fit, at least, so that the search has its core
-BUSY = 1.0  # times as long as it took, that is waited until it is read again
-GATE_BUSY = 4.0  # the same of the gate, so that it keeps no reading waiting
-ENOUGH = 2 * SHORTEST  # samples, from which a device is fitted and a search is made
-GROWN, DOUBTED = 2.0, 1.2  # times the samples of the last search, for the next one
-RESTS = 2.0  # s without anything new, from which all that there is is searched
+FIT_EVERY = 2.0  # least s between quick fits, so that the search has a core
+BUSY = 1.0  # wait between readings, over the duration of a reading
+GATE_BUSY = 4.0  # the same for the gate, so that it does not delay readings
+ENOUGH = 2 * SHORTEST  # least samples for a fitted device and a search
+GROWN, DOUBTED = 2.0, 1.2  # factors on the samples of the last search that start the next one
+RESTS = 2.0  # s without new data, after which all data are searched
 QUICKLY, MOST, LEAST = 4.0, 12_000, 2_000  # s that a quick fit may work; samples of it
-EFFORT = "quick"  # of searches beside; the last one, of all, has the effort that is asked for
+EFFORT = "quick"  # of searches during the log; the final one has the requested effort
 
 Tell = Callable[[Update], None]
 
@@ -40,9 +40,9 @@ Tell = Callable[[Update], None]
 class Asked:
     """The log that is followed, its device, and what else to report.
 
-    description: of a recording TOML, None for a log that says itself what it holds; device: None
-    for one to be fitted. damping: of the wall; walls: whether to say one, None for where the device
-    may render it. idle: seconds without anything new after which it ends, None for never.
+    description: of a recording TOML, None for a log that describes itself; device: None to fit one.
+    damping: of the wall; walls: whether to compute one, None: if the device may render it. idle:
+    seconds without new data after which it ends, None for never.
     """
 
     growing: Growing
@@ -60,11 +60,10 @@ def follow(
     workers: tuple[Works, Works],
     halted: Callable[[], bool] = lambda: False,
 ) -> Read:
-    """Follow a log until its source ends, tell what it says, and return what it held at the end.
+    """Follow a log until its source ends, report its state, and return its final content.
 
-    workers: that fit and that search. halted: whether Ctrl-C came, since an interrupt that is
-    raised inside a callback of a library is swallowed there. Raises LogError, OSError and
-    KeyboardInterrupt.
+    workers: for fits and for searches. halted: whether Ctrl-C was pressed, since an interrupt
+    raised in a callback of a library is lost there. Raises LogError, OSError and KeyboardInterrupt.
     """
     watch = _Watch(asked, tell, *workers)
     while not watch.over():
@@ -85,10 +84,10 @@ class _Watch:
         self.found = Read(wanting="nothing has come yet")
         self.seen, self.odd, self.greeted, self.fitted = Gate({}), "", False, 0
         self.last: Searched | None = None
-        self.fitting: Searched | None = None  # whose structure the fit that is under way has
+        self.fitting: Searched | None = None  # the search whose structure the present fit uses
         self.quick: Quick | None = None
         self.window = MOST
-        self.begun_at = 0  # samples of the search that was begun last
+        self.begun_at = 0  # samples of the last started search
         self.new_at = self.read_at = self.gated_at = time.monotonic()
         self.took = self.gate_took = 0.0
         self.fitted_at = -FIT_EVERY
@@ -153,7 +152,7 @@ class _Watch:
                 if isinstance(answer, Searched):
                     self.last, self.device = answer, answer.device
                     self.begun_at = max(self.begun_at, answer.samples)
-                    self.quick, self.fitted = None, 0  # what it found is to be fitted to the last
+                    self.quick, self.fitted = None, 0  # its result is fitted to the last samples
                     self.fitted_at = -FIT_EVERY
                     self.tell(of_search(answer, EFFORT, *now))
                 else:
@@ -167,7 +166,7 @@ class _Watch:
         except (ValueError, RuntimeError) as error:
             self._say(NOTE, f"the quick fit failed: {error}")
             return
-        if isinstance(fit, Quick) and self.fitting is self.last:  # else a search has come since
+        if isinstance(fit, Quick) and self.fitting is self.last:  # else a new search has ended
             self.quick = fit
             pace = fit.samples * QUICKLY / max(fit.took, 1e-3)
             self.window = int(min(MOST, max(LEAST, pace)))

@@ -1,4 +1,4 @@
-"""Work beside the loop that follows a log: a process that does one task at a time."""
+"""Background work for the loop that follows a log: a process that does one task at a time."""
 
 import os
 import signal
@@ -18,28 +18,28 @@ class _Compiles(NamedTuple):
 
 
 class Works(Protocol):
-    """Runs one task at a time while its caller goes on; `busy` until `take` returns the result."""
+    """Runs one task at a time beside its caller; `busy` until `take` returns the result."""
 
     busy: bool
 
     def give(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Let it work."""
+        """Start a task."""
         ...
 
     def take(self) -> Any:
-        """Return what is finished, None if nothing is; raises what the work raised."""
+        """Return a finished result, None if there is none; raises the error of the task."""
         ...
 
 
 class Worker:
-    """A process of its own, so that a fit does not keep the gate waiting.
+    """A separate process, so that a fit does not delay the gate.
 
-    `give` it something to do while it is not `busy`, and `take` what it gave back.
+    `give` it a task while it is not `busy`, and `take` the result.
     """
 
     def __init__(self, nice: int = 0) -> None:
-        """Start it; nice: by how much it gives way to others, where there is such a thing."""
-        spawn = get_context("spawn")  # a fork would take along locks that its threads do not free
+        """Start it; nice: its niceness, on systems that have one."""
+        spawn = get_context("spawn")  # a fork would copy locks that no thread releases
         self._here, there = spawn.Pipe()
         self._process = spawn.Process(target=_work, args=(there, nice), daemon=True)
         self._process.start()
@@ -47,12 +47,12 @@ class Worker:
         self.busy = False
 
     def give(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Let it work; function, arguments and result can be pickled."""
+        """Start a task; function, arguments and result can be pickled."""
         self._here.send((function, arguments))
         self.busy = True
 
     def take(self) -> Any:
-        """Return what is finished, None if nothing is; raises what the work raised.
+        """Return a finished result, None if there is none; raises the error of the task.
 
         Raises OSError if the process died.
         """
@@ -74,7 +74,7 @@ class Worker:
         return result
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """End the process, whatever it is doing."""
         self._process.kill()
         self._process.join()
         self._here.close()
@@ -84,7 +84,7 @@ def _work(orders: Connection, nice: int) -> None:
     if nice and hasattr(os, "nice"):
         os.nice(nice)
     os.environ["ZWIDTH_THREADS"] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: who follows the log ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: the caller ends this process
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     with watched(lambda begins: orders.send(_Compiles(begins))):
         _obey(orders)
@@ -94,13 +94,13 @@ def _obey(orders: Connection) -> None:
     while True:
         try:
             function, arguments = orders.recv()
-        except (EOFError, OSError):  # whoever gave the orders is gone
+        except (EOFError, OSError):  # the calling process has ended
             return
         try:
             result = function(*arguments)
         except ValueError as error:
             result = ValueError(str(error))
-        except Exception as error:  # one that holds what cannot be sent would end the process
+        except Exception as error:  # an error that cannot be sent would end the process
             result = RuntimeError(f"{type(error).__name__}: {error}")
         try:
             orders.send(result)
