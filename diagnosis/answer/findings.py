@@ -245,7 +245,9 @@ def linear(
         other = Z95 * math.sqrt((among or {}).get(p.name, 0.0))
         below, above = np.hypot(abs(p.slope(own, float(final.x[j]))) * reach[j], other).tolist()
         unit = UNITS[p.kind][0 if device.rotary else 1]
-        result[p.name] = (own, Estimate(value, value - below, value + above, unit))
+        lowest, highest = (min(p.value(own, p.lower), value), max(p.value(own, p.upper), value))
+        ends = max(value - below, lowest), min(value + above, highest)
+        result[p.name] = (own, Estimate(value, *ends, unit))
     return result | _of_recordings(device, final, experiments)
 
 
