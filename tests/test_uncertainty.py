@@ -304,6 +304,19 @@ def test_a_refit_names_the_scale_where_it_is_free_alone(rubbed: Experiment) -> N
     assert 0.2 < gain.upper - gain.lower < 0.4
 
 
+def test_no_interval_goes_below_a_damper_of_zero(rubbed: Experiment) -> None:
+    """A damper that is hardly known. Mutation: the interval as wide below as above."""
+    device = phantom()
+    own = next(p for p in linear_parameters(device) if p.kind == "damper" and p.lower > -5.0)
+    final = fitted(device, rubbed)
+    j = [p.name for p in final.model.parameters].index(own.name)
+    still = replace(final, x=np.where(np.arange(final.x.size) == j, 0.9 * own.lower, final.x))
+    _, known = linear(device, still, [rubbed], {own.name: 1.0})[own.name]
+    assert known.lower == pytest.approx(0.0, abs=1e-9)
+    assert known.upper > known.value + 1.9
+    assert known.value > 0.0
+
+
 def test_a_device_shows_what_it_says_of_itself(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -46,6 +46,7 @@ from zwidth.diagnosis.selection.moves import (
     glanced,
     merged,
     nearest,
+    parted,
     removed,
     replaced,
     showing,
@@ -86,7 +87,7 @@ class Moves:
     adding: Sequence[Move] = (added,)
     last: Sequence[Move] = (stepped,)
     glancing: Sequence[Move] = (glanced,)
-    exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
+    exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped, parted)
     replacing: Callable[[int], Move] = replaced
     apart: Apart | None = None
     quiet: "Callable[[Search], bool] | None" = None
