@@ -22,6 +22,10 @@ GAP = 1.5  # periods; in a longer interval a sample is missing
 NOTABLE_JITTER = 0.01  # of the period
 MOST_GAPS = 16
 BESIDE = 11  # samples used before and after a long interval
+LONGER, NEARLY = (
+    10,
+    1.02,
+)  # least longer intervals of even samples; scatter of their stamps, in steps
 
 
 @dataclass(frozen=True)
@@ -113,13 +117,17 @@ def examine(t: Floats) -> Timing:
 
 def _examine(t: Floats, intervals: Floats) -> Timing:
     forward = intervals[intervals > 0.0]
+    even = _even(t, forward)
     if forward.size == 0:
         usual, period = forward, 0.0
+    elif even > 0.0:
+        usual, period = forward, float(f"{even:.12g}")
     else:
         median = float(np.quantile(forward, 0.5, method="lower"))
         usual = forward[np.abs(forward - median) <= 0.5 * median]
         period = float(f"{usual.mean():.12g}")
-    gap_at = np.flatnonzero(intervals > GAP * period) if period else np.array([], dtype=np.int64)
+    gaps = intervals > GAP * period if period and not even else np.zeros(0, dtype=np.bool_)
+    gap_at = np.flatnonzero(gaps)
     late = np.array([not _stays(t, int(i) + 1, period) for i in gap_at], dtype=np.bool_)
     if late.any():  # the next interval is shorter: no sample is missing
         scattered = [i for i in gap_at[late] if i == 0 or intervals[i - 1] > 0.0]
@@ -149,6 +157,24 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         backwards=back_at.size,
         backwards_at=float(t[back_at[0] + 1]) if back_at.size else None,
     )
+
+
+def _even(t: Floats, forward: Floats) -> float:
+    """Return the period of even samples whose stamps are rounded to a step, 0.0 if they are not.
+
+    At 833 Hz stamps in ms are 1, 1, 1, 1, 2 ms apart. Such stamps are within half a step of a line,
+    which samples that are lost by chance are not: their count is off by its own root.
+    """
+    if forward.size != t.size - 1 or forward.size < LONGER:
+        return 0.0
+    step = step_seen(t)
+    shorter = float(forward.min())
+    if step is None or np.count_nonzero(forward > shorter + 0.5 * step) < LONGER:
+        return 0.0
+    count = np.arange(t.size) - 0.5 * (t.size - 1)
+    period = float(count @ t / (count @ count))
+    away = t - period * count
+    return period if np.ptp(away) <= NEARLY * step and shorter > period - NEARLY * step else 0.0
 
 
 def _stays(t: Floats, k: int, period: float) -> bool:

@@ -161,3 +161,24 @@ def test_units_in_other_spellings() -> None:
     assert find_unit("Nm") != find_unit("nm")
     assert find_unit("furlong") is None
     assert find_unit("") is None
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.45, 0.578, 0.62, 0.7, 0.8, 0.9, 0.97])
+@pytest.mark.parametrize("up", [0.0, 0.5])
+def test_stamps_rounded_to_a_part_of_the_period_are_those_of_even_samples(
+    share: float, up: float
+) -> None:
+    """As at 833 Hz in ms. Mutation: the median interval is the period, and the others are gaps."""
+    period = 1.25e-3
+    t = np.floor((np.arange(3000) + 0.3) / share + up) * share * period
+    seen = examine(t)
+    assert seen.period == pytest.approx(period, rel=1e-4)
+    assert seen.gap_count == seen.missing == 0
+
+
+def test_samples_lost_by_chance_are_no_slower_clock() -> None:
+    """One of a hundred is missing. Mutation: whatever has a step is evenly sampled."""
+    kept = np.random.default_rng(1).random(5000) > 0.01
+    seen = examine(np.asarray(1e-3 * np.flatnonzero(kept), dtype=np.float64))
+    assert seen.period == pytest.approx(1e-3)
+    assert seen.missing == np.count_nonzero(~kept[np.flatnonzero(kept)[0] :])
