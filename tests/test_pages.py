@@ -242,7 +242,7 @@ def test_a_figure_is_the_same_on_every_page(name: str):
 
 
 def test_figures_that_differ_are_seen():
-    """The test above is able to fail: 7 recordings hid nothing, 100 were in the set."""
+    """The test above is able to fail: 10 recordings hid nothing, 100 were in the set."""
     wrong = differing(
         (SAME["recordings of the set"][0], SAME["nothing hidden, nothing claimed"][1])
     )
