@@ -43,7 +43,6 @@ from zwidth.diagnosis.selection.moves import (
     Proposal,
     added,
     merged,
-    parted,
     removed,
     replaced,
     shown,
@@ -577,34 +576,6 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
     found = settled(other.judged(other.x), turns=2)
     assert found.labels == {"coulomb_friction@m2", "quadratic_drag@m1"}
     assert found.cost.total < h.cost.total - 100.0
-
-
-def test_friction_of_one_side_is_tried_on_both() -> None:
-    """Motor and load rub, and all of it was found at the motor.
-
-    Mutations: nothing is yielded; the part is added, and the whole stays where it was.
-    """
-    both = [make_physics("coulomb_friction", at, level=0.015) for at in ("m1", "m2")]
-    made = [recording(drive().with_physics(*both), 2000, 1)]
-    all_of_it = make_physics("coulomb_friction", "m1", level=0.03)
-    model = Model(drive(), (all_of_it,), ({"level": 0.01},))
-    h = settled(judged(made, model, np.zeros(len(model.parameters))))
-    (other,) = parted(h, QUICK)
-    assert other.akin
-    levels = [p.values["level"] for p in other.model.effects_at(other.x)]
-    (own,) = h.model.effects_at(h.x)
-    assert sum(levels) == pytest.approx(own.values["level"])
-    assert 0.09 * own.values["level"] < levels[1] < 0.51 * own.values["level"]
-    found = settled(other.judged(other.x), turns=2)
-    assert found.labels == {"coulomb_friction@m1", "coulomb_friction@m2"}
-    assert found.cost.total < h.cost.total - 50.0
-    assert [p.values["level"] for p in found.model.effects_at(found.x)] == pytest.approx(
-        [0.015, 0.015], rel=0.1
-    )
-    assert not list(parted(found, QUICK))
-    single = Model(drive(), (make_physics("quadratic_drag", "m1", coefficient=1e-4),),
-                   ({"coefficient": 1e-4},))  # fmt: skip
-    assert not list(parted(judged(made, single, np.zeros(len(single.parameters))), QUICK))
 
 
 def assert_as_strong(h: Hypothesis, label: str) -> None:

@@ -32,12 +32,11 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged, se
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import place_label
-from zwidth.sim.physics import EFFECTS, richer_at
+from zwidth.sim.physics import richer_at
 from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
-COULOMB, PARTS = "coulomb_friction", (0.1, 0.25, 0.5)  # parts of a friction tried elsewhere
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
 NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and their populations
@@ -331,35 +330,6 @@ def _shares(effect: Effect, whole: Effect) -> bool:
     """Whether `whole` contains an effect, or shares a contained effect and its family with it."""
     alike = effect is not whole and effect.family == whole.family != ""
     return effect.name in whole.contains or (alike and bool({*effect.contains} & {*whole.contains}))
-
-
-def parted(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with a part of each dry friction at another mass.
-
-    A motor and its load both rub. If all friction was found on one side of a stiff link, masses
-    and springs have taken up the difference, and to first order friction on the other side
-    explains nothing: on a rig of five effects it then gains 2 in -2 ln, and 190 from a tenth.
-    """
-    device = h.model.build(h.x)
-    fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
-    coulomb = [
-        (effect, place)
-        for effect, place in open_places(device, h.model.nominal)
-        if effect.name == COULOMB
-    ]
-    for i, own in enumerate(fitted):
-        if own.effect.family != EFFECTS[COULOMB].family:
-            continue
-        model, x = h.model.less(h.x, i)
-        here = Start(own, h.model.scales[i], own.effect.within(sizes, own.place))
-        for effect, place in coulomb:
-            (starts,) = starts_at([(effect, place)], sizes, far=True).values()
-            there = starts[0].as_strong_as(own)
-            both = there and [(here.scaled(1.0 - part), there.scaled(part)) for part in PARTS]
-            pairs = [(one, other) for one, other in both or () if one and other]
-            if pairs:
-                yield replace(_among(h, model, x, pairs), akin=True)
 
 
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:

@@ -46,7 +46,6 @@ from zwidth.diagnosis.selection.moves import (
     glanced,
     merged,
     nearest,
-    parted,
     removed,
     replaced,
     showing,
@@ -87,7 +86,7 @@ class Moves:
     adding: Sequence[Move] = (added,)
     last: Sequence[Move] = (stepped,)
     glancing: Sequence[Move] = (glanced,)
-    exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped, parted)
+    exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
     apart: Apart | None = None
     quiet: "Callable[[Search], bool] | None" = None
