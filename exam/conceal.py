@@ -14,6 +14,7 @@ from zwidth.exam.outsiders import draw_outsider
 from zwidth.exam.rigs import draw_rig
 from zwidth.exam.strata import LABORATORY, MUJOCO, OUTSIDE, RIGS, STRATA
 from zwidth.exam.subject import Subject
+from zwidth.export.mujoco_run import engine
 from zwidth.files.protection import check, reading
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor
@@ -50,7 +51,12 @@ class Order:
 def orders(
     folder: Path, asked: Mapping[str, int], seed: int, seconds: float | None = None
 ) -> list[Order]:
-    """Return the recordings to be made, in an order that does not reveal their classes."""
+    """Return the recordings to be made, in an order that does not reveal their classes.
+
+    Raises ValueError for rigs of MuJoCo where that is not installed.
+    """
+    if MUJOCO in asked and engine() is None:
+        raise ValueError(f"{MUJOCO} needs MuJoCo, which is not installed; pip install mujoco")
     ranked = [(stratum, rank) for stratum, n in asked.items() for rank in range(n)]
     shuffled = np.random.default_rng([seed, len(ranked)]).permutation(len(ranked))
     found: list[Order] = []

@@ -212,6 +212,15 @@ def test_a_rig_that_diverges_is_refused_and_leaves_no_file(
     assert not list(tmp_path.iterdir())
 
 
+def test_without_mujoco_its_class_is_refused_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zwidth.exam.conceal.engine", lambda: None)
+    with pytest.raises(ValueError, match="mujoco needs MuJoCo, which is not installed"):
+        orders(tmp_path, {MUJOCO: 1}, 1)
+    assert orders(tmp_path, {LABORATORY: 1}, 1)
+
+
 def test_both_classes_have_rows_of_their_own() -> None:
     claim = {"effect": "force_ripple", "at": "m1", "parameters": {}, "rivals": []}
     friction = {"effect": "coulomb_friction", "at": "m1", "values": {}, "magnitude": 1.0,
