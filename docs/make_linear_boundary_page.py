@@ -250,8 +250,8 @@ within {percent(held["frequency_error"])} and its amplitude within
 ![K over start amplitude with friction]({single[2]})
 
 **The outcome depends on the start.** Friction stops only small motions: the larger the oscillation,
-the less a constant force damps it. From a large start the boundary is again the linear one. The
-describing function (dashed) predicts this; near the top it is slightly too low.
+the less a constant force damps it. At large start amplitudes the boundary is again the linear one.
+The describing function (dashed) predicts this; near the top it is slightly too low.
 
 **One-sided walls.** Friction stops a mass that hits a wall from outside if its speed is below a
 limit, which depends on the time of the impact between two samples. The describing function of a

@@ -92,9 +92,9 @@ class Device(Shown):
                 )
         if self.chain.masses.size + len(self.hosts()) > MASSES_IN_ALL:
             raise DeviceError(
-                f"the device has {self.chain.masses.size} masses and {len(self.hosts())} further"
-                f" ones or filtered readings; together they must be at most {MASSES_IN_ALL}, so"
-                " leave out an extra_mode or a filter"
+                f"the device has {self.chain.masses.size} masses in its chain and"
+                f" {len(self.hosts())} added masses or filtered readings; together they must be at"
+                f" most {MASSES_IN_ALL}, so leave out an extra_mode or a filter"
             )
 
     def __eq__(self, other: object) -> bool:

@@ -24,7 +24,7 @@ Link = tuple[int, int, float, float]  # two masses, spring and damper
 class Plant(NamedTuple):
     """a (N, N), b (N, 1 + n), matrices (n, n each), lag [s]; n = dof, N = 2n or 2n + 1.
 
-    For many devices, with a first axis of devices, and the longest lag.
+    For many devices the arrays have a first axis over devices, and lag is the longest.
     """
 
     a: Floats

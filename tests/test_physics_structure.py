@@ -180,5 +180,5 @@ def test_more_masses_than_the_kernel_has_room_for_are_refused() -> None:
     full = device.with_physics(*extras)
     assert full.plant().dof == 10
     lag = make_physics("sensor_lag", "sensor", time_constant=1e-3)
-    with pytest.raises(DeviceError, match="5 masses and 10 further ones or filtered readings"):
+    with pytest.raises(DeviceError, match="5 masses in its chain and 10 added masses or filtered"):
         full.with_physics(lag)

@@ -47,7 +47,7 @@ COMMANDS = {
     "export": "Write a device in another simulator's format, and list the parts that are lost.",
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
-    "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
+    "exam": "Diagnose recordings with concealed physics and score the answers.",
     "mcp": ("Serve diagnose, check, plan and boundary to agents, by the Model Context Protocol."),
     "paper": (
         "Recompute the figures and tables of the paper on virtual walls, beside the published ones."

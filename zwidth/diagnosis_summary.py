@@ -233,8 +233,8 @@ def _record(found: Diagnosis) -> str:
         )
     if found.verdict is Verdict.UNKNOWN_PHYSICS:
         return (
-            "no next recording is proposed: that is only done to tell two effects of the library"
-            " apart"
+            "no next recording is proposed: one is proposed only to tell two effects of the"
+            " library apart"
         )
     if found.verdict is not Verdict.CONFUSABLE:
         return ""

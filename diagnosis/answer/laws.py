@@ -344,10 +344,10 @@ class LearnedSurface(Law):
         """The title of the law's picture."""
         first, second = self.curve.over
         return (
-            "Above: the force over both quantities; dots mark where the recording has samples."
-            f" Below: the force over {first} for some values of {second}, and over {second} for"
-            f" some values of {first}. The 95 % band includes the part of the law that a different"
-            " damper, spring or command scale could explain."
+            "Above: the force against both quantities; dots mark where the recording has samples."
+            f" Below: the force against {first} for some values of {second}, and against"
+            f" {second} for some values of {first}. The 95 % band includes the part of the law that"
+            " a different damper, spring or command scale could explain."
         )
 
     @property

@@ -111,7 +111,7 @@ def _farther_stands(device: Device, before: Stands, say: Say) -> Stands:
         found, second = second, found  # the earlier answer, marked as `far`
     # Neither answer explains everything, so the better one is reported.
     if second is not None and runs_freer(second, found, taken.judge_by):
-        say(f"better on held-out data: {second.final.model.label}")
+        say(f"this answer predicts held-out data better: {second.final.model.label}")
         again, how = standing(device, taken, second, say)
         if again is second or not found.final.model.effects:  # second was not rejected itself
             found, sound = again, how

@@ -38,8 +38,8 @@ class Reason(Enum):
         " effects"
     )
     MORE = "a learned law is needed in addition to the named effects"
-    ONE_REGIME = "a named effect holds in one regime only"
-    DISTURBED = "large random forces are needed beside the named effects"
+    ONE_REGIME = "a named effect improves the prediction in one regime only"
+    DISTURBED = "large random forces are needed in addition to the named effects"
     UNJUDGED = "there are no held-out data to judge the named effects"
     ONE_LEVEL = "a command of one level does not distinguish the named effects from others"
     RIVALS = "other effects explain the recording equally well"
@@ -57,7 +57,7 @@ class Reason(Enum):
         "more than one contact was excluded from the fit; a law outside the library may have caused"
         " them"
     )
-    UNCONFIRMED = "held-out data are predicted no better with any of the named effects"
+    UNCONFIRMED = "held-out data are predicted no worse if any one named effect is left out"
     NAMED = "the named effects are confirmed"
     LAW = "only a learned law explains the recording"
     STRAY = "no effect is named, and errors of free runs are larger than noise predicts"

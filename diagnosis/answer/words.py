@@ -356,7 +356,7 @@ def _headline(f: Facts, because: Reason, sized: int) -> str:
         case Reason.UNCONFIRMED:
             return (
                 f"undecided: {names} would explain what is missing, but held-out data are predicted"
-                " no better with any of it"
+                " no worse without any one of them"
             )
         case Reason.STRAY:
             return (
@@ -512,8 +512,8 @@ def why(f: Facts) -> str:
             told = _one_regime(f)
         case Reason.DISTURBED:
             told = (
-                "beside the named effects, only large random forces could explain the error of free"
-                " runs on held-out data"
+                "the named effects explain the error of free runs on held-out data only together"
+                " with large random forces"
             )
         case Reason.UNJUDGED:
             told = (

@@ -9,9 +9,9 @@ for several m at once, since one more lane costs little; the fit continues from 
 Where many parameters act alike (a chain of five masses of which one is seen), J'J is almost
 singular, and the valley is curved: a whole step of Gauss and Newton overshoots, and more damping
 turns it away from the valley. So with the least m, parts of the step are tried too. (On such a
-chain, whose file was up to 42 % wrong, fits without them ended 266 in -2 ln above the truth, and 12
-of 19 intervals missed it; with them they end below it, in three quarters of the time.)
-Where no whole step is the best, the valley is followed by the geodesic acceleration a (Transtrum,
+chain, whose file was up to 42 % wrong, fits without them ended at a -2 ln L of 266 more than the
+truth has, and 12 of 19 intervals missed it; with them they end below, in 3/4 of the time.)
+If a whole step is not the best, the valley is followed by the geodesic acceleration a (Transtrum,
 Machta & Sethna, Phys. Rev. E 83, 036701, 2011). Along a step v,
 
     r'' = 2 / h [(r(x + h v) - r(x)) / h - J v],    (J'J + m diag(J'J)) a = -J'r'',

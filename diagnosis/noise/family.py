@@ -112,7 +112,7 @@ class Noise:
     weighed: Floats
 
     def problem(self, experiments: Sequence[Experiment]) -> Problem:
-        """Return the recordings under this model of their noise."""
+        """Return the fit of the recordings with this model of their noise."""
         return Problem(_in(self.motions, experiments), self.observer, SEARCHING)
 
 

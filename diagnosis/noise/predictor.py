@@ -594,7 +594,7 @@ def beginning_near(device: Device, experiments: Sequence[Experiment], ratio: flo
         with suppress(NoObserver):
             near = ratio * 10.0**decades
             return changing(device, experiments, near, observer_for(device, experiments[0], near))
-    raise NoObserver("no observer is possible within six decades of its ratio")
+    raise NoObserver(f"no observer exists for a noise ratio within six decades of {ratio:.3g}")
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Gain) -> Floats:

@@ -3,7 +3,7 @@
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
 the periods of the missing force over u (`diagnosis.forces.spatial`) show which steps to try. The
 best of N steps explains 2 ln N by chance, which is its penalty. If the command has fewer levels
-than 2 ln N, some step explains anything. Rounding jumps where steps hardly differ, so the best one
+than 2 ln N, some step explains any force. Rounding jumps where steps hardly differ, so the best one
 beside some of the effects may be wrong beside all of them: it is then sought again.
 
 encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only

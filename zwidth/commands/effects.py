@@ -104,8 +104,8 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         raise click.UsageError("--learned needs NAME, the name of the new effect")
     if name in LIBRARY or not IDENTIFIER.match(name):
         raise ValueError(
-            f"NAME is {name!r}; it must consist of small letters, digits and _, and not be the name"
-            " of an effect of the library"
+            f"NAME is {name!r}; it must consist of lowercase letters, digits and _, and not be the"
+            " name of an effect of the library"
         )
     try:
         result = json.loads(reading(file).read_text(encoding="utf-8"))

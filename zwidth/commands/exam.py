@@ -63,7 +63,7 @@ def command(
     page_file: Path | None,
     json_file: str | None,
 ) -> None:
-    """Diagnose recordings with concealed physics, compare with the truths, and score.
+    """Diagnose recordings with concealed physics and score the answers.
 
     DIR is a folder that 'zwidth conceal' made; with --count, --strata, --rigs or --outside its
     recordings are made first. Writes DIR/exam.json and DIR/exam.md with its pictures. After an

@@ -23,7 +23,7 @@ PORT = 5006
               help="Another device that you can select on the page, for example the improved"
               " device of 'zwidth diagnose' (NAME.augmented.toml); may be repeated.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
-              help="Recording to draw beside every run. You can also drop a file on the"
+              help="Recording to plot together with every run. You can also drop a file on the"
               " page.")  # fmt: skip
 @estimator_option
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,

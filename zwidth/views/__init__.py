@@ -88,7 +88,7 @@ def figure(result: Any, picture: str | None = None) -> "Figure":
     name = next(iter(pictures)) if picture is None else picture
     if name not in pictures:
         raise ValueError(
-            f"picture is {name!r}; a {type(result).__name__} has {' or '.join(map(repr, pictures))}"
+            f"picture is {name!r}; {type(result).__name__} draws {' or '.join(map(repr, pictures))}"
         )
     drawn = pictures[name](result)
     _seen_in_notebooks()
