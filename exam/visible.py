@@ -70,9 +70,8 @@ def sight(
     problem = Problem(parts, _weighed(observer, errors, parts), SCREENING)
     base = problem.weighted(whole, x)
     slopes = fitted_at(problem, whole, x).jacobian
-    # A refit of the device file cannot make a concealed spring. The origin and the time of readings
-    # are free: on a spring, a constant force moves nothing else.
-    known = {p.name for p in linear_parameters(bare)} | {"origin", "skew"}
+    # A spring that is concealed is none that a refit of the device file could change.
+    known = {p.name for p in linear_parameters(bare)}
     off = Complement(slopes[:, [p.name in known for p in whole.parameters]])
     return Sight(whole, problem, base, off)
 

@@ -117,7 +117,8 @@ def examine(t: Floats) -> Timing:
 
 def _examine(t: Floats, intervals: Floats) -> Timing:
     forward = intervals[intervals > 0.0]
-    even = _even(t, forward)
+    step = step_seen(t)
+    even = _even(t, forward, step or 0.0)
     if forward.size == 0:
         usual, period = forward, 0.0
     elif even > 0.0:
@@ -145,7 +146,7 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         stop=float(t[-1]),
         period=period,
         jitter=jitter if jitter > rounding else 0.0,
-        resolution=_resolution(t, period, rounding),
+        resolution=step if step is not None and rounding < step < 0.999 * period else 0.0,
         gap_count=gap_at.size,
         missing=int(min(lacking.sum(), 2.0**62)),
         gaps=tuple(
@@ -159,17 +160,16 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
     )
 
 
-def _even(t: Floats, forward: Floats) -> float:
+def _even(t: Floats, forward: Floats, step: float) -> float:
     """Return the period of even samples whose stamps are rounded to a step, 0.0 if they are not.
 
     At 833 Hz stamps in ms are 1, 1, 1, 1, 2 ms apart. Such stamps are within half a step of a line,
     which samples that are lost by chance are not: their count is off by its own root.
     """
-    if forward.size != t.size - 1 or forward.size < LONGER:
+    if step == 0.0 or forward.size != t.size - 1:
         return 0.0
-    step = step_seen(t)
     shorter = float(forward.min())
-    if step is None or np.count_nonzero(forward > shorter + 0.5 * step) < LONGER:
+    if np.count_nonzero(forward > shorter + 0.5 * step) < LONGER:
         return 0.0
     count = np.arange(t.size) - 0.5 * (t.size - 1)
     period = float(count @ t / (count @ count))
@@ -185,12 +185,6 @@ def _stays(t: Floats, k: int, period: float) -> bool:
     before, after = np.arange(max(0, k - BESIDE), k), np.arange(k, min(t.size, k + BESIDE))
     ahead = np.median(t[after] / period - after) - np.median(t[before] / period - before)
     return bool(ahead > 0.5)
-
-
-def _resolution(t: Floats, period: float, rounding: float) -> float:
-    """Return the step of the stamps between rounding and the period, 0 if there is none."""
-    step = step_seen(t)
-    return step if step is not None and rounding < step < 0.999 * period else 0.0
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zwidth.diagnosis.recording.experiment import experiment
 from zwidth.exam.by_mujoco import BY_MUJOCO, EFFECTS, film_by_mujoco, whole
 from zwidth.exam.conceal import conceal, orders
 from zwidth.exam.filming import Camera, Scene, film
@@ -25,10 +26,12 @@ from zwidth.exam.mark import mark
 from zwidth.exam.playing import Playing
 from zwidth.exam.strata import LABORATORY, MUJOCO, STRATA
 from zwidth.exam.tally import tally
+from zwidth.exam.visible import standing
 from zwidth.exam_page import goals, page
 from zwidth.export.mujoco_run import engine
 from zwidth.jobs.executor import Local
 from zwidth.logs.recording import read_recording
+from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.handout import description_file
 from zwidth.scenarios.concealed.rig import RunAway
 from zwidth.sim.chain import make_chain
@@ -254,3 +257,13 @@ def test_both_classes_have_rows_of_their_own() -> None:
     for title in ("# Rigs that MuJoCo moved", "# Recorded as laboratories do"):
         assert title in text
     assert {STRATA[LABORATORY].kind, STRATA[MUJOCO].kind} == {LABORATORY, MUJOCO}
+
+
+def test_what_a_refit_absorbs_is_not_visible() -> None:
+    """A mass on a stiff spring is part of m2. Mutation: a refit below four times what is asked."""
+    bare = machine().device
+    stiff = make_physics("extra_mode", "m2", mass=3e-4, stiffness=60.0, damping=1e-2)
+    camera = Camera(("position_m1",), np.inf, 1e-5, 1e-5)
+    made = film(scene(device=bare.with_physics(stiff), camera=camera))
+    (sigma,) = standing(bare, [stiff], [experiment(made.trace, bare)], Noise(1e-5, 1e-5), asked=1.0)
+    assert sigma < 3.0

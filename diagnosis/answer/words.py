@@ -356,7 +356,7 @@ def _headline(f: Facts, because: Reason, sized: int) -> str:
         case Reason.UNCONFIRMED:
             return (
                 f"undecided: {names} would explain what is missing, but held-out data are predicted"
-                " no worse without any one of them"
+                " no worse if an effect is left out"
             )
         case Reason.STRAY:
             return (
